@@ -1,4 +1,5 @@
 #include "base/check.h"
+#include "base/nearest.h"
 #include "export/contents.h"
 #include "export/inputs.h"
 #include "step/field_types.h"
@@ -71,6 +72,18 @@ static bool is_chosen(const struct table *table, const char *name) {
     return false;
 }
 
+static enum result unknown_column(const struct table *table, const char *word, struct error *err) {
+    const char **names = alloc((size_t)table->all_count + 1, sizeof *names);
+    for (int i = 0; i < table->all_count; i++)
+        names[i] = table->all[i].name;
+    const char *meant = nearest_name(word, names);
+    free(names);
+    if (!meant)
+        return fail(err, RESULT_INVALID, "the session has no column '%s'", word);
+    return fail(err, RESULT_INVALID, "the session has no column '%s'; did you mean '%s'?", word,
+                meant);
+}
+
 static enum result choose_some(struct table *table, const char *pattern, struct error *err) {
     bool found = false;
     for (int i = 0; i < table->all_count; i++) {
@@ -80,7 +93,7 @@ static enum result choose_some(struct table *table, const char *pattern, struct 
         if (!is_chosen(table, table->all[i].name))
             table->columns[table->count++] = table->all[i];
     }
-    return found ? RESULT_OK : fail(err, RESULT_INVALID, "the session has no column '%s'", pattern);
+    return found ? RESULT_OK : unknown_column(table, pattern, err);
 }
 
 static enum result choose(struct table *table, const char *patterns, struct error *err) {
@@ -96,7 +109,14 @@ static enum result choose(struct table *table, const char *patterns, struct erro
          one = strtok_r(NULL, ",", &rest))
         result = choose_some(table, one, err);
     free(list);
+    if (result == RESULT_OK && table->count == 0)
+        return fail(err, RESULT_INVALID, "the list of columns is empty");
     return result;
+}
+
+static void list_known(const struct table *table, const struct export_request *request) {
+    for (int i = 0; i < table->all_count && request->known_column; i++)
+        request->known_column(table->all[i].name);
 }
 
 // ---- rows ---------------------------------------------------------------------------------------
@@ -158,8 +178,10 @@ static enum result print_table(struct table *table, const struct export_request 
     struct walk walk = {.request = request, .passes = 1};
     list_columns(table, contents);
     enum result result = choose(table, request->columns, err);
-    if (result != RESULT_OK)
+    if (result != RESULT_OK) {
+        list_known(table, request);
         return result;
+    }
     print_names(table);
     result = walk_run(&walk, contents, print_row, table, err);
     if (!table->trouble && fflush(table->file) != 0)

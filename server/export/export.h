@@ -10,6 +10,7 @@ struct export_request {
     const char *trace;
     double from_s, to_s; // of the session; steps outside are left out
     const char *columns; // of a table: names or patterns with *, commas between; NULL: the usual
+    void (*known_column)(const char *name); // or NULL; each column, if `columns` has an unknown one
     const struct scene *scene; // of the case that it was recorded with; NULL where the kind of
                                // export says so
     void (*progress)(uint64_t done, uint64_t all); // or NULL

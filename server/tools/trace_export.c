@@ -13,14 +13,16 @@ static const char help[] =
     "\n"
     "Converts a session for other programs.\n"
     "\n"
-    "  --csv OUT       write a table with a row for each step; - for stdout\n"
+    "  --csv OUT       write a table with a row for each step; - for stdout "
+    "(server/export/CSV.md)\n"
     "  --exr OUT       write an image of many channels, with every bit of inputs and outputs, and\n"
     "                  maps of what each cut changed (server/export/EXR.md)\n"
     "  --gltf OUT      write an animated scene, GLB, for Blender and others\n"
     "                  (server/export/GLTF.md)\n"
     "  --columns LIST  columns of the table, in this order: names or patterns, separated by "
     "commas,\n"
-    "                  as 't_seconds,probe_t?_mm,*_time_ns'; '*' selects all of them\n"
+    "                  as 't_seconds,probe_t?_mm,*_time_ns'; '*' selects all of them. An unknown\n"
+    "                  name is an error that lists all columns (server/export/CSV.md)\n"
     "  --from S        leave out everything before S seconds\n"
     "  --to S          leave out everything after S seconds\n"
     "  --case DIR      the folder of the case, if it has moved. A table needs the case for names "
@@ -28,11 +30,10 @@ static const char help[] =
     "                  groups, and an image for maps. A scene always needs it\n"
     "\n"
     "The column 'input' names the input of each step. For one row for each frame, keep the rows\n"
-    "with 'frame'. time_ns is the time of the step, and frame_time_ns that of the frame.\n"
-    "measured_NAME_time_ns is the time at which NAME was measured; use it to compute speeds. The\n"
-    "table has measured values (measured_*) only if --columns selects them. A cell without a "
-    "value\n"
-    "is empty.\n"
+    "with 'frame'. measured_NAME_time_ns is the time at which NAME was measured; use it to "
+    "compute\n"
+    "speeds. The table has measured values (measured_*) only if --columns selects them. A cell\n"
+    "without a value is empty.\n"
     "\n"
     "Exits 1 if the trace is not whole. Everything that can be read is written.\n";
 
@@ -65,25 +66,48 @@ static enum result write_table(struct trace_export_request *request, struct erro
     return result == RESULT_OK ? kept : result;
 }
 
+static void tell_unnamed(const char *why) {
+    fprintf(stderr, "arthron-trace export: the names of groups are left out: %s\n", why);
+}
+
+// The names of groups are in the case, not in the trace. A table does without a case that nobody
+// asked for.
+static enum result load_for_names(const struct trace_reader *reader, const char *case_dir,
+                                  struct scene **out_scene, struct error *err) {
+    enum result result = load_scene(reader, case_dir, out_scene, err);
+    if (result != RESULT_OK) {
+        *out_scene = NULL;
+        if (case_dir)
+            return result;
+        tell_unnamed(err->text);
+    } else if (scene_case(*out_scene)->hash != trace_reader_header(reader)->case_hash) {
+        tell_unnamed("the case is not the one that the session was recorded with");
+    }
+    return RESULT_OK;
+}
+
 // A table has the names of groups where the case is there; an image needs it only for cuts.
 static enum result load_needed(struct trace_export_request *request, struct scene **out_scene,
                                struct error *err) {
     struct trace_reader *reader;
     struct survey survey = {0};
-    struct error unnamed;
     *out_scene = NULL;
     enum result result = trace_reader_create(request->export.trace, &reader, err);
     if (result != RESULT_OK)
         return result;
     if (request->exr)
         survey_read(reader, show_progress, &survey);
-    if (survey.jobs || request->gltf || request->case_dir)
+    if (request->csv)
+        result = load_for_names(reader, request->case_dir, out_scene, err);
+    else if (survey.jobs || request->gltf || request->case_dir)
         result = load_scene(reader, request->case_dir, out_scene, err);
-    else if (request->csv && load_scene(reader, NULL, out_scene, &unnamed) != RESULT_OK)
-        *out_scene = NULL;
     trace_reader_destroy(&reader);
     request->export.scene = *out_scene;
     return result;
+}
+
+static void print_known(const char *name) {
+    fprintf(stderr, "  %s\n", name);
 }
 
 static int write_export(struct trace_export_request *request, const char *out) {
@@ -148,8 +172,10 @@ int command_export(int argc, char **argv) {
                                             {"columns", required_argument, NULL, 'n'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    struct trace_export_request request = {
-        .export = {.from_s = -INFINITY, .to_s = INFINITY, .progress = show_progress}};
+    struct trace_export_request request = {.export = {.from_s = -INFINITY,
+                                                      .to_s = INFINITY,
+                                                      .progress = show_progress,
+                                                      .known_column = print_known}};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
             return fputs(help, stdout) < 0;

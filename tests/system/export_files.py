@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import unittest
 
-from arthron import call, program
+from arthron import CASES, call, program
 from old_traces import unpack
 
 
@@ -49,6 +49,35 @@ class Exports(unittest.TestCase):
         self.assertTrue(seen and all(row["punch_tx_mm"] == row["measured_punch_tx_mm"] for row in seen[10:]))
         refused = call("arthron-trace", "export", self.trace, "--csv", "-", "--columns", "step,prob_*", code=1)
         self.assertIn("no column 'prob_*'", refused.stderr)
+
+    def test_an_unknown_column_is_named_and_the_known_ones_are_listed(self):
+        known = list(self.table("--columns", "*")[0])
+        refused = call("arthron-trace", "export", self.trace, "--csv", "-", "--columns", "step,punch_tx_m", code=1)
+        *listed, why = refused.stderr.splitlines()
+        self.assertEqual((refused.stdout, [name.strip() for name in listed]), ("", known))
+        self.assertIn("no column 'punch_tx_m'; did you mean 'punch_tx_mm'?", why)
+        refused = call("arthron-trace", "export", self.trace, "--csv", "-", "--columns", ",", code=1)
+        self.assertIn("the list of columns is empty", refused.stderr)
+
+    def test_every_measurement_has_its_time_and_its_values(self):
+        rows = self.table("--columns", "measured_*")
+        times = [name for name in rows[0] if name.endswith("_time_ns")]
+        self.assertEqual(times, ["measured_joint_time_ns", "measured_probe_time_ns", "measured_punch_time_ns",
+                                 "measured_punch_handle_time_ns"])
+        for name in times:
+            values = [v for v in rows[0] if v.startswith(name[:-len("time_ns")])]
+            self.assertGreater(len(values), 4)
+            for row in rows:
+                self.assertEqual({bool(row[v]) for v in values if "handle" in name or "handle" not in v},
+                                 {bool(row[name])})
+
+    def test_a_case_that_cannot_name_the_groups_is_told(self):
+        other = os.path.join(CASES, "healthy")
+        done = call("arthron-trace", "export", self.trace, "--csv", "-", "--case", other)
+        self.assertIn("names of groups are left out: the case is not the one", done.stderr)
+        self.assertEqual({row["landed_group"] for row in csv.DictReader(io.StringIO(done.stdout))}, {""})
+        refused = call("arthron-trace", "export", self.trace, "--csv", "-", "--case", self.folder.name, code=1)
+        self.assertIn("case.json", refused.stderr)
 
     def test_an_undo_has_no_move(self):
         undone = [row for row in self.table() if row["job_kind"] == "undo"]

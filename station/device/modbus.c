@@ -4,28 +4,33 @@
 //   serial      /dev/ttyUSB0 or the like
 //   baud        115200                          of the serial line
 //   parity      none, even or odd; none
+//   stop_bits   1 or 2; 1
+//   echo        yes: the adapter hears what it sends itself; no
 //   slave       1 to 247; 1
 //   rate_hz     readings a second, 1 to 2000; 100
 //   timeout_ms  longest wait for a reply, 1 to 100; 50
 //   latency_ms  after this time no late reply can come any more, 1 to 10000; 500, over TCP 50
 //   sequence    the register that counts the slave's updates
+//   registers   holding or input (functions 3 and 4); holding
+//   first_register  the number that the maker gives to the first register (device/modbus_value.h);
+//               0
+//   order       of the bytes of a value in two registers: ABCD, CDAB, BADC, DCBA; ABCD
 //
-// and for each value `REGISTER [SCALE [OFFSET [signed|unsigned]]]`, value = scale · register +
-// offset:
-//   flexion, varus, internal (degrees), shift, drawer, distraction (mm); signed
-//   CHANNEL.opening (0 to 1; a little beyond is cut, more refused), CHANNEL.buttons (only a
-//   register)
+// and for each value `REGISTER [SCALE [OFFSET]] [TYPE]`, value = scale · registers + offset:
+//   flexion, varus, internal (degrees), shift, drawer, distraction (mm); i16
+//   CHANNEL.opening (0 to 1; a little beyond is cut, more refused); u16
+//   CHANNEL.buttons (only a register)
 //
-// Devices with the same `serial` are slaves of one line, which they share by turns: each has its
-// own rate, and one that is silent does not close the line that others answer on.
+// Devices with the same `serial` or `address` are slaves of one line (device/modbus_line.h): each
+// has its own rate, and one that is silent does not close the line that others answer on.
 //
 // All registers are read in one block. A time stamp is the middle between request and reply.
 //
 // RTU replies carry no number: one that comes after its timeout would answer the next request, and
 // every later reply would be one behind for ever. So after a timeout the line is left alone for
 // latency_ms and flushed; bytes that wait before a request, and a sequence that goes back, lead to
-// the same. (TCP replies are numbered; a late one is recognised, but libmodbus then gives up on the
-// right one too. It does not look at their slave's number: only the sequence finds another slave.)
+// the same. (TCP replies are numbered. A slave that is alone at its address may reply by another
+// slave's number: only the sequence finds another slave there.)
 // A sequence that stands still is no new reading. One that goes back or leaps ahead is refused for
 // a while; then the slave was started anew.
 
@@ -34,6 +39,7 @@
 #include "base/number.h"
 #include "device/drivers.h"
 #include "device/modbus_line.h"
+#include "device/modbus_value.h"
 #include "device/options.h"
 #include "device/socket.h"
 
@@ -42,7 +48,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/ioctl.h>
 
 enum { VALUES_MAX = 6 + 2 * INSTRUMENT_COUNT, TIMEOUTS_BEFORE_REOPENING = 4 };
 static const int64_t sequence_memory_ns = 1500 * NS_PER_MS;
@@ -54,24 +59,26 @@ enum { JOINT_VALUES = 6, OPENING = JOINT_VALUES, BUTTONS };
 struct value {
     enum channel channel;
     int what; // index of joint_keys, OPENING or BUTTONS
-    int address;
-    bool is_signed;
-    double scale, offset;
+    struct modbus_value in;
 };
 
 struct modbus_device {
     char address[OPTION_TEXT_MAX], serial[OPTION_TEXT_MAX]; // one of them is empty
-    int baud, slave, timeout_ms;
+    int baud, stop_bits;
     char parity; // as libmodbus has it: N, E, O
+    bool echo;
+    struct modbus_numbering numbering;
+    enum modbus_order order;
+    struct modbus_request request;
     int64_t period_ns, latency_ns;
-    int sequence; // register, -1: none
-    int value_count, first, count;
+    int sequence; // its address, -1: none
+    int value_count;
     struct value values[VALUES_MAX];
 
     struct modbus_line *line;
     uint64_t connection;
-    int64_t next_ns, quiet_until_ns; // quiet_until_ns 0: the slave is in step
-    int timeouts;                    // in a row
+    int64_t next_ns;
+    int timeouts; // in a row
     int64_t opened_ns;
     bool answered; // since then
     bool has_last;
@@ -81,39 +88,19 @@ struct modbus_device {
 
 // ---- config -------------------------------------------------------------------------------------
 
-static bool parse_value(const char *text, struct value *v) {
-    char copy[OPTION_TEXT_MAX], *rest, *word;
-    if (strlen(text) >= sizeof copy)
-        return false;
-    strcpy(copy, text);
-    double numbers[3] = {0, 1, 0};
-    int count = 0;
-    bool ended = false;
-    for (word = strtok_r(copy, " \t", &rest); word; word = strtok_r(NULL, " \t", &rest)) {
-        bool sign = !strcmp(word, "signed"), unsign = !strcmp(word, "unsigned");
-        if (ended ||
-            (!sign && !unsign && (count == 3 || !number_double(word, -1e9, 1e9, &numbers[count]))))
-            return false;
-        count += !sign && !unsign;
-        ended = sign || unsign;
-        v->is_signed = ended ? sign : v->is_signed;
-    }
-    v->address = (int)fmax(-1, fmin(65536, numbers[0]));
-    v->scale = numbers[1];
-    v->offset = numbers[2];
-    return count && v->address == numbers[0] && v->address >= 0 && v->address <= 65535;
-}
-
 static enum result add_value(struct modbus_device *d, const struct device_config *config,
                              const char *key, enum channel channel, int what, struct error *err) {
     const char *text = option_text(config, key);
     if (!text)
         return RESULT_OK;
-    struct value v = {.channel = channel, .what = what, .is_signed = what < JOINT_VALUES};
-    if (!parse_value(text, &v) || (what == BUTTONS && strpbrk(text, " \t")))
-        return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is not %s", text,
-                           what == BUTTONS ? "a register"
-                                           : "REGISTER [SCALE [OFFSET [signed|unsigned]]]");
+    struct value v = {channel, what, {.bits = 16}};
+    v.in.kind = what < JOINT_VALUES ? MODBUS_SIGNED : MODBUS_UNSIGNED;
+    if (!modbus_value_parse(text, &d->numbering, &v.in) ||
+        (what == BUTTONS && strpbrk(text, " \t")))
+        return option_fail(config, key, err, RESULT_INVALID,
+                           "\"%s\" is not %s, registers counted from %d", text,
+                           what == BUTTONS ? "a register" : "REGISTER [SCALE [OFFSET]] [TYPE]",
+                           d->numbering.first);
     d->values[d->value_count++] = v;
     return RESULT_OK;
 }
@@ -129,20 +116,27 @@ static enum result add_handle(struct modbus_device *d, const struct device_confi
     return result;
 }
 
+// The register's number as the maker prints it.
+static int printed(const struct modbus_device *d, int address) {
+    return d->numbering.first + address;
+}
+
 // The block from the lowest to the highest register that is named.
 static enum result find_block(struct modbus_device *d, const struct device_config *config,
                               struct error *err) {
     int low = d->sequence >= 0 ? d->sequence : 65535, high = d->sequence;
     for (int i = 0; i < d->value_count; i++) {
-        low = d->values[i].address < low ? d->values[i].address : low;
-        high = d->values[i].address > high ? d->values[i].address : high;
+        const struct modbus_value *v = &d->values[i].in;
+        int last = v->address + modbus_value_words(v) - 1;
+        low = v->address < low ? v->address : low;
+        high = last > high ? last : high;
     }
-    d->first = low;
-    d->count = high - low + 1;
-    if (d->count > MODBUS_MAX_READ_REGISTERS)
+    d->request.first = low;
+    d->request.count = high - low + 1;
+    if (d->request.count > MODBUS_MAX_READ_REGISTERS)
         return fail(err, RESULT_LIMIT,
                     "[device %s]: registers %d to %d are too many: one reading has at most %d",
-                    config->name, low, high, MODBUS_MAX_READ_REGISTERS);
+                    config->name, printed(d, low), printed(d, high), MODBUS_MAX_READ_REGISTERS);
     return RESULT_OK;
 }
 
@@ -165,51 +159,103 @@ static enum result configure_values(struct modbus_device *d, const struct device
     return find_block(d, config, err);
 }
 
-static enum result configure_line(struct modbus_device *d, const struct device_config *config,
-                                  struct error *err) {
-    char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
-    struct error why;
+static enum result read_parity(struct modbus_device *d, const struct device_config *config,
+                               struct error *err) {
     const char *parity = option_text(config, "parity");
-    bool tcp = option_text(config, "address"), rtu = option_text(config, "serial");
-    if (tcp == rtu)
-        return option_fail(config, "address", err, tcp ? RESULT_INVALID : RESULT_MISSING,
-                           "one of address and serial is required");
-    if (tcp && (parity || option_text(config, "baud")))
-        return option_fail(config, parity ? "parity" : "baud", err, RESULT_INVALID,
-                           "only a serial line has one");
     d->parity = !parity || !strcmp(parity, "none") ? 'N'
                 : !strcmp(parity, "even")          ? 'E'
                 : !strcmp(parity, "odd")           ? 'O'
                                                    : 0;
-    if (!d->parity)
-        return option_fail(config, "parity", err, RESULT_INVALID,
-                           "\"%s\" is neither none, even nor odd", parity);
-    if (rtu)
-        return option_required(config, "serial", d->serial, err);
+    return d->parity ? RESULT_OK
+                     : option_fail(config, "parity", err, RESULT_INVALID,
+                                   "\"%s\" is neither none, even nor odd", parity);
+}
+
+static enum result read_address(struct modbus_device *d, const struct device_config *config,
+                                struct error *err) {
+    char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
+    struct error why;
     enum result result = option_required(config, "address", d->address, err);
     if (result == RESULT_OK && socket_split(d->address, host, port, &why) != RESULT_OK)
         result = option_fail(config, "address", err, RESULT_INVALID, "%s", why.text);
     return result;
 }
 
+static enum result configure_line(struct modbus_device *d, const struct device_config *config,
+                                  struct error *err) {
+    static const char *const serial_keys[] = {"baud", "parity", "stop_bits", "echo"};
+    bool tcp = option_text(config, "address"), rtu = option_text(config, "serial");
+    if (tcp == rtu)
+        return option_fail(config, "address", err, tcp ? RESULT_INVALID : RESULT_MISSING,
+                           "one of address and serial is required");
+    for (int i = 0; i < 4 && tcp; i++)
+        if (option_text(config, serial_keys[i]))
+            return option_fail(config, serial_keys[i], err, RESULT_INVALID,
+                               "only a serial line has one");
+    enum result result = read_parity(d, config, err);
+    if (result == RESULT_OK)
+        result = option_integer(config, "baud", 300, 4000000, 115200, &d->baud, err);
+    if (result == RESULT_OK)
+        result = option_integer(config, "stop_bits", 1, 2, 1, &d->stop_bits, err);
+    if (result == RESULT_OK)
+        result = option_switch(config, "echo", false, &d->echo, err);
+    if (result != RESULT_OK)
+        return result;
+    return rtu ? option_required(config, "serial", d->serial, err) : read_address(d, config, err);
+}
+
+static enum result read_order(struct modbus_device *d, const struct device_config *config,
+                              struct error *err) {
+    const char *order = option_text(config, "order");
+    if (!order)
+        return RESULT_OK;
+    while (d->order < MODBUS_ORDER_COUNT && strcmp(order, modbus_order_names[d->order]) != 0)
+        d->order++;
+    return d->order < MODBUS_ORDER_COUNT
+               ? RESULT_OK
+               : option_fail_name(config, "order", err, "no such order of bytes", order,
+                                  modbus_order_names);
+}
+
+// Which registers are read, and how they are counted.
+static enum result configure_registers(struct modbus_device *d, const struct device_config *config,
+                                       struct error *err) {
+    const char *kind = option_text(config, "registers"), *first;
+    first = option_text(config, "first_register");
+    if (first && !modbus_numbering_parse(first, &d->numbering))
+        return option_fail(config, "first_register", err, RESULT_INVALID,
+                           "\"%s\" is not 0, 1, 30001, 40001, 300001 or 400001", first);
+    d->request.input = kind ? !strcmp(kind, "input") : d->numbering.tells_input;
+    if (kind && !d->request.input && strcmp(kind, "holding") != 0)
+        return option_fail(config, "registers", err, RESULT_INVALID,
+                           "\"%s\" is neither holding nor input", kind);
+    if (d->request.input ? d->numbering.tells_holding : d->numbering.tells_input)
+        return option_fail(config, "registers", err, RESULT_INVALID,
+                           "first_register %s does not count %s registers", first, kind);
+    int low = d->numbering.first, sequence;
+    enum result result =
+        option_integer(config, "sequence", low, low + 65535, low - 1, &sequence, err);
+    d->sequence = sequence - low;
+    return result == RESULT_OK ? read_order(d, config, err) : result;
+}
+
 static enum result configure(struct modbus_device *d, const struct device_config *config,
                              struct device_outputs *outputs, struct error *err) {
     static const char *const keys[] = {
-        "address",    "serial",     "baud",        "parity",   "slave",    "rate_hz",
-        "timeout_ms", "latency_ms", "sequence",    "flexion",  "varus",    "internal",
-        "shift",      "drawer",     "distraction", ".opening", ".buttons", NULL};
+        "address", "serial",      "baud",       "parity",     "stop_bits", "echo",
+        "slave",   "rate_hz",     "timeout_ms", "latency_ms", "registers", "first_register",
+        "order",   "sequence",    "flexion",    "varus",      "internal",  "shift",
+        "drawer",  "distraction", ".opening",   ".buttons",   NULL};
     double rate_hz, latency_ms;
     enum result result = options_check(config, keys, err);
     if (result == RESULT_OK)
         result = configure_line(d, config, err);
     if (result == RESULT_OK)
-        result = option_integer(config, "baud", 300, 4000000, 115200, &d->baud, err);
+        result = option_integer(config, "slave", 1, 247, 1, &d->request.slave, err);
     if (result == RESULT_OK)
-        result = option_integer(config, "slave", 1, 247, 1, &d->slave, err);
+        result = option_integer(config, "timeout_ms", 1, 100, 50, &d->request.timeout_ms, err);
     if (result == RESULT_OK)
-        result = option_integer(config, "timeout_ms", 1, 100, 50, &d->timeout_ms, err);
-    if (result == RESULT_OK)
-        result = option_integer(config, "sequence", 0, 65535, -1, &d->sequence, err);
+        result = configure_registers(d, config, err);
     if (result == RESULT_OK)
         result = option_number(config, "rate_hz", 1, 2000, 100, &rate_hz, err);
     if (result == RESULT_OK)
@@ -226,7 +272,8 @@ static enum result modbus_create(const struct device_config *config, void **out_
                                  struct device_outputs *out_outputs, struct error *err) {
     struct modbus_device *d = alloc(1, sizeof *d);
     enum result result = configure(d, config, out_outputs, err);
-    struct modbus_line_settings line = {config->name, d->address, d->serial, d->baud, d->parity};
+    struct modbus_line_settings line = {config->name, d->address,   d->serial, d->baud,
+                                        d->parity,    d->stop_bits, d->echo};
     if (result == RESULT_OK)
         result = modbus_line_join(&line, &d->line, err);
     if (result == RESULT_OK)
@@ -249,7 +296,6 @@ static enum result modbus_open(void *device, struct error *err) {
     enum result result = modbus_line_open(d->line, &d->connection, err);
     d->next_ns = d->opened_ns = clock_now_ns();
     d->answered = false;
-    d->quiet_until_ns = 0;
     d->timeouts = 0;
     d->has_last = false;
     return result;
@@ -262,21 +308,7 @@ static void modbus_close_line(void *device) {
 
 // From now on the slave is not asked until its late replies have come in and are thrown away.
 static void leave_alone(struct modbus_device *d) {
-    d->quiet_until_ns = clock_now_ns() + d->latency_ns;
-}
-
-static bool bytes_wait(modbus_t *modbus) {
-    int count = 0;
-    return ioctl(modbus_get_socket(modbus), FIONREAD, &count) == 0 && count > 0;
-}
-
-static bool is_gone(int code) {
-    return code && code < MODBUS_ENOBASE && code != ETIMEDOUT && code != EINTR;
-}
-
-// The slave itself says no: it is in step.
-static bool is_answer(int code) {
-    return code >= EMBXILFUN && code <= EMBXGTAR;
+    modbus_line_leave_alone(d->line, d->request.slave, clock_now_ns() + d->latency_ns);
 }
 
 // Where other slaves of the line answer, the line is well: a slave that has never answered is not
@@ -290,22 +322,26 @@ static bool is_given_up(struct modbus_device *d) {
 static enum result explain(struct modbus_device *d, int code, struct device_reading *reading,
                            struct error *err) {
     const char *name = modbus_line_name(d->line);
-    int last = d->first + d->count - 1;
-    if (is_gone(code))
-        return fail(err, RESULT_CLOSED, "%s: %s", name, modbus_strerror(code));
-    if (is_answer(code)) {
-        reading->malformed++;
-        return fail(err, RESULT_FORMAT, "%s, slave %d, registers %d to %d: %s", name, d->slave,
-                    d->first, last, modbus_strerror(code));
-    }
+    const struct modbus_request *r = &d->request;
+    int first = printed(d, r->first), last = printed(d, r->first + r->count - 1);
+    if (modbus_is_gone(code) && code != MODBUS_JUNK)
+        return fail(err, RESULT_CLOSED, "%s: %s", name,
+                    code == ENOTCONN ? "the line was closed" : modbus_strerror(code));
+    reading->malformed += code != ETIMEDOUT;
+    if (modbus_is_answer(code))
+        return fail(err, RESULT_FORMAT, "%s, slave %d, registers %d to %d: %s", name, r->slave,
+                    first, last, modbus_strerror(code));
     leave_alone(d);
-    if (code != ETIMEDOUT) {
-        reading->malformed++;
-        return fail(err, RESULT_FORMAT, "%s, slave %d: %s", name, d->slave, modbus_strerror(code));
-    }
-    return fail(err, is_given_up(d) ? RESULT_CLOSED : RESULT_TIMEOUT,
-                "%s, slave %d, registers %d to %d: no reply within %d ms", name, d->slave, d->first,
-                last, d->timeout_ms);
+    if (code == MODBUS_JUNK)
+        return fail(err, RESULT_FORMAT, "%s: the slave sent bytes without a request", name);
+    if (!modbus_is_absent(code))
+        return fail(err, RESULT_FORMAT, "%s, slave %d: %s", name, r->slave, modbus_strerror(code));
+    enum result result = is_given_up(d) ? RESULT_CLOSED : RESULT_TIMEOUT;
+    if (code == ETIMEDOUT)
+        return fail(err, result, "%s, slave %d, registers %d to %d: no reply within %d ms", name,
+                    r->slave, first, last, r->timeout_ms);
+    return fail(err, result, "%s, slave %d: the gateway says: %s", name, r->slave,
+                modbus_strerror(code));
 }
 
 // RESULT_FORMAT: a reply that cannot be this request's. *out_is_new: not what the last one said.
@@ -315,10 +351,13 @@ static enum result check_sequence(struct modbus_device *d, const uint16_t *regis
     *out_is_new = true;
     if (d->sequence < 0)
         return RESULT_OK;
-    size_t size = (size_t)d->count * sizeof *registers;
-    int at = d->sequence - d->first;
+    size_t size = (size_t)d->request.count * sizeof *registers;
+    int at = d->sequence - d->request.first;
     int64_t now_ns = clock_now_ns(), since_ns = now_ns - d->last_ns;
-    int step = d->has_last ? (int16_t)(registers[at] - d->last[at]) : 1;
+    int step =
+        d->has_last
+            ? (int16_t)(modbus_word(d->order, registers[at]) - modbus_word(d->order, d->last[at]))
+            : 1;
     bool same = d->has_last && !memcmp(registers, d->last, size);
     bool leaps = d->has_last && step > 10 + fastest_sequence_hz * (double)since_ns / NS_PER_S;
     bool follows = same || (step > 0 && !leaps);
@@ -332,7 +371,7 @@ static enum result check_sequence(struct modbus_device *d, const uint16_t *regis
     leave_alone(d);
     reading->malformed++;
     return fail(err, RESULT_FORMAT, "%s, slave %d, register %d: the sequence %s",
-                modbus_line_name(d->line), d->slave, d->sequence,
+                modbus_line_name(d->line), d->request.slave, printed(d, d->sequence),
                 leaps  ? "leapt ahead"
                 : step ? "went back"
                        : "stood still while values changed");
@@ -340,8 +379,10 @@ static enum result check_sequence(struct modbus_device *d, const uint16_t *regis
 
 // ---- readings -----------------------------------------------------------------------------------
 
-static void set_value(const struct value *v, uint16_t word, struct sample *sample) {
-    double number = v->scale * (v->is_signed ? (int16_t)word : word) + v->offset;
+static void set_value(const struct modbus_device *d, const struct value *v,
+                      const uint16_t *registers, struct sample *sample) {
+    const uint16_t *words = registers + v->in.address - d->request.first;
+    double number = modbus_value_number(&v->in, d->order, words);
     struct joint_angles *j = &sample->joint;
     double *const joint[] = {&j->flexion_deg, &j->varus_deg, &j->internal_deg,
                              &j->shift_mm,    &j->drawer_mm, &j->distraction_mm};
@@ -352,7 +393,7 @@ static void set_value(const struct value *v, uint16_t word, struct sample *sampl
                                      ? NAN // no opening
                                      : fmax(0, fmin(1, number));
     else
-        sample->handle.buttons = word;
+        sample->handle.buttons = modbus_word(d->order, words[0]);
 }
 
 static struct sample *sample_of(struct device_reading *reading, enum channel channel,
@@ -369,47 +410,14 @@ static struct sample *sample_of(struct device_reading *reading, enum channel cha
 // False: not yet, or the slave is left alone.
 static bool is_time(struct modbus_device *d) {
     d->next_ns = due_within(d->next_ns, d->period_ns);
-    if (!wait_until(d->quiet_until_ns ? d->quiet_until_ns : d->next_ns))
+    int64_t quiet_until_ns = modbus_line_quiet_until(d->line, d->request.slave);
+    if (!wait_until(quiet_until_ns ? quiet_until_ns : d->next_ns))
         return false;
     int64_t now_ns = clock_now_ns();
     d->next_ns += d->period_ns;
     if (d->next_ns < now_ns)
         d->next_ns = now_ns;
     return true;
-}
-
-// Bytes that wait before a request are a late reply of this slave, or of another one of the line;
-// this one's have come in where it was left alone. False: the slave is left alone from now on.
-static bool clear_line(struct modbus_device *d, modbus_t *modbus, struct device_reading *reading) {
-    bool was_left_alone = d->quiet_until_ns;
-    d->quiet_until_ns = 0;
-    if (was_left_alone || !bytes_wait(modbus)) {
-        if (was_left_alone)
-            modbus_flush(modbus);
-        return true;
-    }
-    reading->malformed++;
-    modbus_flush(modbus);
-    if (modbus_line_is_shared(d->line))
-        return true;
-    leave_alone(d);
-    return false;
-}
-
-// 0, or errno as libmodbus has it; -1: not asked, for bytes waited that nobody had asked for.
-static int ask(struct modbus_device *d, modbus_t *modbus, uint16_t *registers,
-               struct device_reading *reading, int64_t *out_time_ns) {
-    if (!clear_line(d, modbus, reading)) {
-        modbus_line_end(d->line, LINE_SILENT);
-        return -1;
-    }
-    int64_t sent_ns = clock_now_ns();
-    int code = modbus_read_registers(modbus, d->first, d->count, registers) < 0 ? errno : 0;
-    *out_time_ns = sent_ns + (clock_now_ns() - sent_ns) / 2;
-    modbus_line_end(d->line, is_gone(code)              ? LINE_BROKEN
-                             : !code || is_answer(code) ? LINE_ANSWERED
-                                                        : LINE_SILENT);
-    return code;
 }
 
 static enum result modbus_poll(void *device, struct device_reading *reading, struct error *err) {
@@ -419,13 +427,7 @@ static enum result modbus_poll(void *device, struct device_reading *reading, str
     bool is_new;
     if (!is_time(d))
         return RESULT_OK;
-    modbus_t *modbus = modbus_line_begin(d->line, d->connection, d->slave, d->timeout_ms);
-    if (!modbus)
-        return fail(err, RESULT_CLOSED, "%s: the line was closed", modbus_line_name(d->line));
-    int code = ask(d, modbus, registers, reading, &time_ns);
-    if (code < 0)
-        return fail(err, RESULT_FORMAT, "%s: the slave sent bytes without a request",
-                    modbus_line_name(d->line));
+    int code = modbus_line_ask(d->line, d->connection, &d->request, registers, &time_ns);
     if (code)
         return explain(d, code, reading, err);
     d->timeouts = 0;
@@ -433,7 +435,7 @@ static enum result modbus_poll(void *device, struct device_reading *reading, str
     enum result result = check_sequence(d, registers, &is_new, reading, err);
     for (int i = 0; i < d->value_count && result == RESULT_OK && is_new; i++) {
         const struct value *v = &d->values[i];
-        set_value(v, registers[v->address - d->first], sample_of(reading, v->channel, time_ns));
+        set_value(d, v, registers, sample_of(reading, v->channel, time_ns));
     }
     return result;
 }

@@ -1,11 +1,12 @@
-// The line to Modbus slaves. A TCP connection belongs to one device. A serial line may have several
-// slaves, each a device of its own: they share the one port and speak by turns, in the order in
-// which they ask.
+// The line to Modbus slaves: a serial line, or a TCP address (a slave's, or a gateway's to
+// several). It owns the one port or connection. Devices that name the same line share it as its
+// slaves: their requests go out one after the other, in the order in which they ask, and a slave
+// that does not answer costs the others its timeout and no more.
 #pragma once
 
 #include "base/result.h"
+#include "device/modbus_exchange.h"
 
-#include <modbus.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -16,33 +17,35 @@ struct modbus_line_settings {
     const char *address, *serial; // one of them is empty
     int baud;
     char parity; // as libmodbus has it: N, E, O
+    int stop_bits;
+    bool echo;
 };
 
-// Of any thread. Nothing is opened yet. RESULT_INVALID: another device has this serial line with
-// another baud or parity; the error names both.
+// Of any thread. Nothing is opened yet. RESULT_INVALID: another device has this line with other
+// settings; the error names both.
 enum result modbus_line_join(const struct modbus_line_settings *settings,
                              struct modbus_line **out_line, struct error *err);
 void modbus_line_leave(struct modbus_line **line);
 
-// Connects, unless another device has done so. *out_connection is what modbus_line_begin wants.
-// The port is locked: no other program that locks it, and no line of another name, can have it too.
+// Connects, unless another device has done so. *out_connection is what modbus_line_ask wants. A
+// serial port is locked: no other program that locks it, and no line of another name, can have it.
 enum result modbus_line_open(struct modbus_line *line, uint64_t *out_connection, struct error *err);
 void modbus_line_close(struct modbus_line *line);
 
-// Waits for a turn: from now on nobody else speaks. NULL: the connection is gone, and there is no
-// turn to end.
-modbus_t *modbus_line_begin(struct modbus_line *line, uint64_t connection, int slave,
-                            int timeout_ms);
+// Waits for its turn and asks once. 0: the registers are there, and *out_time_ns is the middle
+// between request and reply. Else an errno of modbus_exchange; ENOTCONN: the connection was closed;
+// MODBUS_JUNK: not asked, because bytes waited that nobody had asked for.
+#define MODBUS_JUNK (-1)
+int modbus_line_ask(struct modbus_line *line, uint64_t connection,
+                    const struct modbus_request *request, uint16_t *out_registers,
+                    int64_t *out_time_ns);
 
-enum modbus_line_outcome {
-    LINE_ANSWERED,
-    LINE_SILENT,
-    LINE_BROKEN
-}; // broken: it is closed for all
-void modbus_line_end(struct modbus_line *line, enum modbus_line_outcome outcome);
+// Late replies of the slave are waited for until then, and thrown away before the next request.
+// Until when the slave should not be asked; 0: it may be.
+void modbus_line_leave_alone(struct modbus_line *line, int slave, int64_t until_ns);
+int64_t modbus_line_quiet_until(struct modbus_line *line, int slave);
 
 const char *modbus_line_name(const struct modbus_line *line);
-bool modbus_line_is_shared(struct modbus_line *line);
 
 // Some slave answered since then (clock_now_ns()).
 bool modbus_line_answered_since(struct modbus_line *line, int64_t time_ns);

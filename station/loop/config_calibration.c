@@ -38,7 +38,15 @@ static enum result set_registration(struct station_config *config,
     return set_key(config, entry, "T_mockup_tracker", value, err);
 }
 
-// REGISTER [SCALE [OFFSET]] [signed|unsigned]: scale and offset change, the rest stays.
+// The last word of REGISTER [SCALE [OFFSET]] [TYPE], if that is no number.
+static const char *type_of(const char *text) {
+    size_t at = strlen(text);
+    while (at && !strchr(" \t", text[at - 1]))
+        at--;
+    return at && strchr("uifs", text[at]) ? text + at : "";
+}
+
+// Scale and offset change, the rest stays.
 enum result station_config_scale(struct station_config *config, const char *device_name,
                                  const char *key, double scale, double offset, struct error *err) {
     struct station_device *device = station_config_device(config, device_name);
@@ -49,10 +57,7 @@ enum result station_config_scale(struct station_config *config, const char *devi
                     key);
     if (sscanf(old, "%15s", register_text) != 1)
         return fail(err, RESULT_INVALID, "[device %s] %s: names no register", device_name, key);
-    const char *sign = strstr(old, "unsigned") ? " unsigned"
-                       : strstr(old, "signed") ? " signed"
-                                               : "";
-    snprintf(value, sizeof value, "%s %.9g %.9g%s", register_text, scale, offset, sign);
+    snprintf(value, sizeof value, "%s %.9g %.9g %s", register_text, scale, offset, type_of(old));
     return station_config_set(config, device_name, key, value)
                ? RESULT_OK
                : fail(err, RESULT_LIMIT, "[device %s] has too many keys", device_name);

@@ -43,6 +43,11 @@ static json_t *text_or_null(const char *text) {
     return value ? value : json_null();
 }
 
+// Older traces lack how the shown motion differs from the hand's.
+static bool compares_motion(const struct trace_header *h) {
+    return h->version >= 3;
+}
+
 static json_t *settings_object(const struct session_settings *s) {
     return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:s, s:s, s:f, s:f, s:f}", "field",
                      field_name(s->field.kind), "unit_mm", s->field.unit_mm, "radius_mm",
@@ -65,7 +70,9 @@ static json_t *events_object(const struct survey *s) {
 }
 
 // What a trainee might have noticed; shares of the steps in which the instrument was there.
-static json_t *instrument_object(uint64_t present, const struct noticing *n) {
+static json_t *instrument_object(uint64_t present, const struct noticing *n, bool compared) {
+    if (!compared)
+        return json_pack("{s:I}", "steps", (json_int_t)present);
     double steps = (double)present;
     return json_pack("{s:I, s:f, s:f, s:f, s:f, s:f, s:{s:f, s:f, s:f, s:f}}", "steps",
                      (json_int_t)present, "offset_max_mm", n->worst.offset_mm, "turn_max_deg",
@@ -75,13 +82,13 @@ static json_t *instrument_object(uint64_t present, const struct noticing *n) {
                      (double)n->gain / steps, "any", (double)n->any / steps);
 }
 
-static json_t *instruments_object(const struct survey *s) {
+static json_t *instruments_object(const struct survey *s, bool compared) {
     json_t *instruments = json_object();
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (s->present[i])
             json_object_set_new(instruments,
                                 channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)),
-                                instrument_object(s->present[i], &s->noticing[i]));
+                                instrument_object(s->present[i], &s->noticing[i], compared));
     return instruments;
 }
 
@@ -152,12 +159,13 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
         text_or_null(h->case_name), "dir", text_or_null(h->case_dir), "hash", hash, "start", start,
         "version", (int)h->version, "settings", settings_object(&h->settings), "machine", "build",
         text_or_null(h->build), "libc", text_or_null(h->libc), "cpu", text_or_null(h->cpu));
-    json_t *session = json_pack(
-        "{s:f, s:I, s:I, s:I, s:s, s:f, s:o, s:o, s:o, s:o, s:b}", "seconds", survey_seconds(s),
-        "steps", (json_int_t)s->steps, "frames", (json_int_t)s->frames, "missing",
-        (json_int_t)s->missing, "state", session_state_name(s->state), "displacement_max_mm",
-        s->largest_mm, "events", events_object(s), "instruments", instruments_object(s), "torn",
-        torn_array(s), "resections", resections_array(s), "whole", s->end == RESULT_CLOSED);
+    json_t *session =
+        json_pack("{s:f, s:I, s:I, s:I, s:s, s:f, s:o, s:o, s:o, s:o, s:b}", "seconds",
+                  survey_seconds(s), "steps", (json_int_t)s->steps, "frames", (json_int_t)s->frames,
+                  "missing", (json_int_t)s->missing, "state", session_state_name(s->state),
+                  "displacement_max_mm", s->largest_mm, "events", events_object(s), "instruments",
+                  instruments_object(s, compares_motion(h)), "torn", torn_array(s), "resections",
+                  resections_array(s), "whole", s->end == RESULT_CLOSED);
     json_object_update_new(root, session);
     char parent[2 * TRACE_HASH_SIZE + 1];
     bool is_made = trace_header_is_piece(h) || trace_header_is_copied(h);
@@ -178,7 +186,12 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     json_decref(root);
 }
 
-static void print_instrument(enum channel channel, uint64_t present, const struct noticing *n) {
+static void print_instrument(enum channel channel, uint64_t present, const struct noticing *n,
+                             bool compared) {
+    if (!compared) {
+        printf("instrument  %s in %" PRIu64 " steps\n", channel_name(channel), present);
+        return;
+    }
     double percent = 100 / (double)present;
     printf(
         "instrument  %s in %" PRIu64 " steps; might be noticed in %.1f %% of them (turned %.1f, "
@@ -229,7 +242,7 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (s->present[i])
             print_instrument((enum channel)(CHANNEL_FIRST_INSTRUMENT + i), s->present[i],
-                             &s->noticing[i]);
+                             &s->noticing[i], compares_motion(h));
     for (int i = 0; i < s->torn_count; i++)
         printf("ligament    torn one %d: up to %.0f %% of its extra motion\n", i + 1,
                100 * s->share[i]);

@@ -5,6 +5,7 @@ import signal
 import unittest
 
 from arthron import SystemTest, call, call_json, wait_until
+from example_trace import figures_of, figures_of_info
 
 
 class Remarks(SystemTest):
@@ -40,6 +41,8 @@ class Remarks(SystemTest):
         self.assertIn("Better", call("arthron-trace", "info", trace).stdout)
         self.assertEqual(call_json("arthron-trace", "replay", trace)["verdict"], "identical")
         call("arthron-trace", "verify", trace)
+        self.assertEqual(figures_of(trace), figures_of_info(trace))
+        self.assertEqual(figures_of(trace)["resumes"], 1)
 
     def test_a_note_says_something_and_needs_a_session(self):
         self.assertIn("one line", self.session_command("note", "room-1", "", code=1)["text"])

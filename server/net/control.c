@@ -375,6 +375,7 @@ static struct server_files paths_in(const char *dir) {
 
 static enum result listen_at(struct control *control, const struct control_config *config,
                              const struct server_files *paths, struct error *err) {
+    int spare, places = ws_server_places(DOOR_PLACES_MAX, SPARE_FDS, &spare);
     const struct lws_context_creation_info info = {
         .iface = config->address,
         .port = config->port,
@@ -383,11 +384,12 @@ static enum result listen_at(struct control *control, const struct control_confi
         .ssl_cert_filepath = paths->certificate,
         .ssl_private_key_filepath = paths->key,
         .timeout_secs = HANDSHAKE_S,
-        .fd_limit_per_thread = DOOR_PLACES_MAX + SPARE_FDS,
+        .fd_limit_per_thread = (unsigned)(places + spare),
         .vhost_name = "control",
     };
     const struct ws_server_handler handler = {
         .user = control, .on_wake = on_wake, .on_stop = on_stop, .is_empty = is_empty};
+    control->door = door_create(places, shut);
     return ws_server_create(WS_SERVER_TLS, &info, &handler, &control->server, err);
 }
 
@@ -412,7 +414,6 @@ enum result control_create(const struct control_config *config,
     control->handler = *handler;
     control->software = alloc_text(config->software);
     control->hello_timeout_ns = config->hello_timeout_ns;
-    control->door = door_create(shut);
     pthread_mutex_init(&control->lock, NULL);
     *out_control = NULL;
     const struct server_files paths = paths_in(config->authority_dir);

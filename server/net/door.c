@@ -36,6 +36,7 @@ struct place {
 
 struct door {
     void (*shut)(void *connection);
+    int places_max, strangers_max, per_source, stations_max;
     int strangers, stations;
     struct visitor *next; // of door_open
     struct bucket unknown;
@@ -48,9 +49,18 @@ struct door {
 
 _Static_assert(SOURCES_MAX > DOOR_PLACES_MAX, "there is always one without a connection");
 
-struct door *door_create(void (*shut)(void *connection)) {
+static int share(int of_all, int places) {
+    return (of_all * places + DOOR_PLACES_MAX - 1) / DOOR_PLACES_MAX;
+}
+
+struct door *door_create(int places, void (*shut)(void *connection)) {
+    CHECK(places > 0 && places <= DOOR_PLACES_MAX);
     struct door *door = alloc(1, sizeof *door);
     door->shut = shut;
+    door->places_max = places;
+    door->strangers_max = share(DOOR_STRANGERS_MAX, places);
+    door->per_source = share(DOOR_STRANGERS_PER_SOURCE, places);
+    door->stations_max = share(DOOR_STATIONS_MAX, places);
     return door;
 }
 
@@ -62,7 +72,7 @@ void door_destroy(struct door **door) {
 // ---- places -------------------------------------------------------------------------------------
 
 static struct place *find(struct door *door, const void *connection) {
-    for (int i = 0; i < DOOR_PLACES_MAX; i++)
+    for (int i = 0; i < door->places_max; i++)
         if (door->places[i].connection == connection)
             return &door->places[i];
     return NULL;
@@ -152,9 +162,9 @@ bool door_let_in(struct door *door, const struct source *source, int64_t now_ns)
         count_shut(door, source);
         return false;
     }
-    if (visitor->strangers >= DOOR_STRANGERS_PER_SOURCE)
+    if (visitor->strangers >= door->per_source)
         shut_oldest_stranger_of(door, visitor);
-    else if (door->strangers >= DOOR_STRANGERS_MAX)
+    else if (door->strangers >= door->strangers_max)
         shut_oldest_stranger_of(door, most_strangers(door));
     door->next = visitor;
     return true;
@@ -229,7 +239,7 @@ bool door_prove(struct door *door, const void *connection, const char *serial, i
     if (!bucket_take(&certificate->comes, CERTIFICATE_PER_S, DOOR_CERTIFICATE_BURST, now_ns))
         return false;
     make_room_for(door, serial);
-    if (door->stations >= DOOR_STATIONS_MAX)
+    if (door->stations >= door->stations_max)
         return false;
     door->strangers--;
     place->visitor->strangers--;

@@ -8,23 +8,24 @@
 
 #include <stdint.h>
 
-#define DOOR_STRANGERS_MAX 128       // at a time
+#define DOOR_PLACES_MAX 352          // connections in all, with those that are being closed
+#define DOOR_STRANGERS_MAX 128       // of them at a time
 #define DOOR_STRANGERS_PER_SOURCE 96 // of them
+#define DOOR_STATIONS_MAX 160        // connections with a certificate
 #define DOOR_CONNECTIONS_PER_S 100   // of one source, more than
 #define DOOR_CONNECTIONS_BURST 300   // so many at once
 #define DOOR_UNKNOWN_PER_S 400       // of all sources together that never proved a certificate
 #define DOOR_UNKNOWN_BURST 600
 #define DOOR_ENROLMENTS_BURST 10  // of one source, and one a second
-#define DOOR_STATIONS_MAX 160     // connections with a certificate
 #define DOOR_CERTIFICATE_MAX 4    // of them with the same one
 #define DOOR_CERTIFICATE_BURST 32 // of them, and two a second
-#define DOOR_PLACES_MAX 352       // connections in all, with those that are being closed
 #define DOOR_SERIAL_SIZE 64
 
 struct door;
 
+// places: at most DOOR_PLACES_MAX; of fewer, strangers and stations have the same shares.
 // shut: ends a connection that must make room. Its door_close follows, not from within the call.
-struct door *door_create(void (*shut)(void *connection));
+struct door *door_create(int places, void (*shut)(void *connection));
 void door_destroy(struct door **door);
 
 // Whether a new connection of this source may come in; others may be shut for it. Each that comes

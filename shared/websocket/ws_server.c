@@ -127,14 +127,19 @@ static void complete(const struct ws_server *server, enum ws_server_kind kind,
     info->uid = -1;
 }
 
-// Where the system gives few descriptors, no server takes those of another one, nor of files: at
-// its share it accepts nobody until somebody has gone.
+// At its share a server accepts nobody until somebody has gone.
 static unsigned int share_of_descriptors(unsigned int wanted) {
     struct rlimit limit;
     if (!wanted || getrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur >= ENOUGH_DESCRIPTORS)
         return wanted;
     unsigned int share = (unsigned int)limit.rlim_cur / SHARES;
     return share < wanted ? share : wanted;
+}
+
+int ws_server_places(int wanted, int spare, int *out_spare) {
+    int share = (int)share_of_descriptors((unsigned int)(wanted + spare));
+    *out_spare = share / 3 < spare ? share / 3 : spare;
+    return share - *out_spare;
 }
 
 enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_creation_info *info,

@@ -25,6 +25,10 @@ struct ws_server_handler {
     void (*after_turn)(void *user); // after each turn of the thread's loop
 };
 
+// Connections that a server may have where it wants so many and some descriptors besides: fewer
+// where the system gives few, so that no server takes those of another one, nor of files.
+int ws_server_places(int wanted, int spare, int *out_spare);
+
 // Listens. The owner sets iface and port, vhost_name, protocols, files, limits and timeouts in
 // `info`; the rest is filled in here. RESULT_IO says why it cannot listen.
 enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_creation_info *info,

@@ -29,7 +29,7 @@ static int set_up(void **state) {
     memset(connections, 0, sizeof connections);
     connection_count = 0;
     now_ns = BEGIN_NS;
-    door = door_create(on_shut);
+    door = door_create(DOOR_PLACES_MAX, on_shut);
     return 0;
 }
 
@@ -151,6 +151,27 @@ static void places_that_are_being_left_are_counted_until_they_are_empty(void **s
     assert_non_null(come(1));
 }
 
+static void with_few_places_strangers_leave_room_for_stations(void **state) {
+    (void)state;
+    int stations = 0;
+    door_destroy(&door);
+    door = door_create(8, on_shut);
+    for (int i = 0; i < 6; i++) {
+        char serial[8];
+        struct connection *c = come(1);
+        assert_non_null(c);
+        snprintf(serial, sizeof serial, "A%d", i);
+        stations += door_prove(door, c, serial, now_ns);
+        settle();
+        for (int k = 0; k < 20; k++, now_ns += 20 * NS_PER_MS) { // strangers come again and again
+            assert_non_null(come(k % 2));
+            settle();
+        }
+    }
+    assert_int_equal(stations, 4);
+    assert_in_range(count_open(), 5, 8);
+}
+
 static void a_certificate_has_few_connections_and_those_in_use_stay(void **state) {
     (void)state;
     struct connection *used = come(1);
@@ -230,6 +251,8 @@ int main(void) {
             tear_down),
         cmocka_unit_test_setup_teardown(places_that_are_being_left_are_counted_until_they_are_empty,
                                         set_up, tear_down),
+        cmocka_unit_test_setup_teardown(with_few_places_strangers_leave_room_for_stations, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(a_certificate_has_few_connections_and_those_in_use_stay,
                                         set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_certificate_comes_only_so_often, set_up, tear_down),

@@ -88,6 +88,13 @@ static void log_failing(struct api *api, enum result result, const struct error 
         log_info("api", "accounts can be looked up again");
 }
 
+static void tell_account(const struct store_principal *principal, struct web_account *out) {
+    snprintf(out->name, sizeof out->name, "%s", principal->name);
+    snprintf(out->role, sizeof out->role, "%s", store_role_name(principal->role));
+    snprintf(out->trainee, sizeof out->trainee, "%s", principal->trainee);
+    out->keeps_one = principal->role == ROLE_INSTRUCTOR;
+}
+
 enum result api_enter(void *user, const char *token, struct web_account *out) {
     struct api *api = user;
     struct store_principal principal;
@@ -103,9 +110,7 @@ enum result api_enter(void *user, const char *token, struct web_account *out) {
         return result == RESULT_MISSING ? RESULT_IO : result;
     if (!is)
         return RESULT_MISSING;
-    snprintf(out->name, sizeof out->name, "%s", principal.name);
-    snprintf(out->role, sizeof out->role, "%s", store_role_name(principal.role));
-    snprintf(out->trainee, sizeof out->trainee, "%s", principal.trainee);
+    tell_account(&principal, out);
     return RESULT_OK;
 }
 
@@ -116,8 +121,10 @@ static bool authorize(struct api_call *call, const struct route *route) {
                                         &call->principal, &err);
     if (!call_check(call, result, &err))
         return false;
-    if (call->is_signed_in)
+    if (call->is_signed_in) {
         store_set_actor(call->store, call->principal.actor);
+        tell_account(&call->principal, &call->response->account);
+    }
     if (route->roles & NOBODY || (call->is_signed_in && route->roles & 1 << call->principal.role))
         return true;
     if (call->is_signed_in)

@@ -8,6 +8,7 @@
 #include "store/store.h"
 #include "web/host_check.h"
 
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,7 +40,7 @@ static enum result on_enter(void *user, const char *token, struct web_account *o
     return api_enter(((struct browsers *)user)->api, token, out_account);
 }
 
-_Static_assert(sizeof(struct live_account) == sizeof(struct web_account) &&
+_Static_assert(sizeof(struct live_account) == offsetof(struct web_account, keeps_one) &&
                    LIVE_VIEWERS_MAX == WEB_VIEWERS_MAX && LIVE_BATCH_MAX == WEB_BATCH_MAX,
                "web and live mean the same");
 

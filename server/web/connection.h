@@ -3,6 +3,7 @@
 #pragma once
 
 #include "web/answer.h"
+#include "web/guests.h"
 #include "web/host_check.h"
 #include "web/rate_limits.h"
 #include "web/request_pool.h"
@@ -14,9 +15,11 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-#define WEB_PIECE 32768      // of an answer, written at once
-#define WEB_DOWNLOADS_MAX 64 // at a time
-#define WEB_DOWNLOADS_OWN 4  // of one owner
+#define WEB_PIECE 32768         // of an answer, written at once
+#define WEB_DOWNLOADS_MAX 64    // at a time
+#define WEB_DOWNLOADS_OWN 4     // of one owner
+#define WEB_CONNECTIONS_SPARE 8 // the listening socket, the one that wakes, those that leave
+#define WEB_CONNECTIONS_ALL (WEB_CONNECTIONS_MAX + WEB_CONNECTIONS_SPARE)
 
 struct web_connection;
 
@@ -47,6 +50,10 @@ struct web_connection {
     struct web *web;
     struct lws *socket;
     struct rate_limit *limit;
+    struct guest *guest; // NULL: a stranger
+    int slot;            // of web->connections
+    int64_t since_ns;
+    bool leaves; // it made room for another one
     char address[48];
     enum {
         CONNECTION_IDLE,    // between requests
@@ -77,6 +84,10 @@ struct web {
     SSL_CTX *tls; // of the connections to come; libwebsockets'
     lws_sorted_usec_list_t renewal_due;
     struct rate_limits *limits;
+    struct guests *guests;
+    int places, spare; // connections that may stay; more that may be leaving
+    int here, staying; // connections; those of them that do not leave
+    struct web_connection *connections[WEB_CONNECTIONS_ALL]; // NULL: free
     struct request_pool *pool;
     struct ws_server *server;
     struct lws_context *context; // the server's
@@ -104,6 +115,16 @@ void http_end(struct web_connection *connection);                              /
 
 // Whether the request may become a WebSocket: 0; else it was answered.
 int http_upgrade(struct web_connection *connection, const char *protocol);
+
+// ---- places.c -----------------------------------------------------------------------------------
+
+// Whether a new connection of this address may come in; another one may have to leave for it.
+bool places_let_in(struct web *web, struct rate_limit *limit);
+bool places_open(struct web_connection *connection); // false: there is no room
+void places_close(struct web_connection *connection);
+
+// It has shown a token of this account.
+void places_prove(struct web_connection *connection, struct guest *guest);
 
 // ---- live.c -------------------------------------------------------------------------------------
 

@@ -210,12 +210,22 @@ static void pause_reading(struct web_connection *c) {
     lws_set_timeout(c->socket, NO_PENDING_TIMEOUT, 0);
 }
 
+// Whose token it is decides, and the address where that is not known.
+static bool may_request(struct web_connection *c, const char *token) {
+    int64_t now_ns = clock_now_ns();
+    struct guest *guest = token[0] ? guests_find(c->web->guests, token, now_ns) : NULL;
+    if (!guest)
+        return rate_limit_may_request(c->limit, token[0], now_ns);
+    places_prove(c, guest);
+    return guest_may_request(guest, now_ns);
+}
+
 static int add_request(struct web_connection *c) {
     static const struct refusal too_fast = {429, "too_fast", "Too many requests; wait a second.",
                                             false};
     static const struct refusal too_many = {503, "busy", "The server is too busy; try again.",
                                             false};
-    if (!rate_limit_may_request(c->limit, clock_now_ns()))
+    if (!may_request(c, c->task->token))
         return refuse(c, &too_fast);
     if (!request_pool_add(c->web->pool, c->task))
         return refuse(c, &too_many);
@@ -317,11 +327,19 @@ static void answer_request(struct web_connection *c, struct web_task *task, stru
     send_answer(c, answer);
 }
 
+static void learn_of(struct web_connection *c, const struct web_task *task, int status) {
+    if (task->token[0] && task->account.name[0])
+        places_prove(c, guests_enter(c->web->guests, task->token, &task->account, clock_now_ns()));
+    else if (task->token[0] && status == 401)
+        guests_forget(c->web->guests, task->token);
+}
+
 void http_task_done(struct web_connection *c, struct web_task *task) {
     struct answer answer = task->answer;
     task->answer = answer_none();
     lws_rx_flow_control(c->socket, 1);
     if (task->kind == WEB_TASK_REQUEST) {
+        learn_of(c, task, answer.status);
         answer_request(c, task, answer);
         return;
     }
@@ -418,7 +436,7 @@ static struct refusal check_upgrade(struct web_connection *c, const char *protoc
                                 true};
     if (!out_token[0])
         return (struct refusal){401, "signed_out", "Sign in first.", true};
-    if (!rate_limit_may_request(c->limit, clock_now_ns()))
+    if (!may_request(c, out_token))
         return (struct refusal){429, "too_fast", "Too many requests; wait a second.", true};
     if (live_is_full(c->web) || ws_server_stops(c->web->server))
         return (struct refusal){503, "full", "Too many pages are open.", true};

@@ -168,12 +168,20 @@ static int check(const struct live_socket *live, const struct web_task *task) {
     return is_in ? 0 : TRY_LATER;
 }
 
+static void learn_of(struct web_connection *c, const struct web_task *task) {
+    if (task->entry == RESULT_OK)
+        places_prove(c, guests_enter(c->web->guests, task->token, &task->account, clock_now_ns()));
+    else if (task->entry == RESULT_MISSING)
+        guests_forget(c->web->guests, task->token);
+}
+
 void live_task_done(struct web_connection *c, struct web_task *task) {
     struct live_socket *live = c->live;
     c->task = NULL;
     int status = check(live, task);
     if (!live->user)
         live->account = task->account;
+    learn_of(c, task);
     web_task_destroy(&task);
     if (live->closing)
         return;

@@ -56,6 +56,7 @@ static void answer_request(struct request_pool *p, struct web_task *task) {
     };
     p->handler.on_request(p->handler.user, &request, &response);
     memcpy(task->downloader, response.owner, sizeof task->downloader);
+    task->account = response.account;
     task->answer = answer_of(&response, &task->options, p->cache);
 }
 

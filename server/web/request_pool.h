@@ -21,9 +21,9 @@ struct web_task {
     struct request_pool *pool;
     char token[WEB_TOKEN_MAX];
     char device[WEB_TOKEN_MAX]; // empty: none
+    struct web_account account; // whose the token is
     // WEB_TASK_ACCOUNT
     enum result entry;
-    struct web_account account;
     // WEB_TASK_REQUEST
     char method[8];
     char path[512];

@@ -10,8 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define CONNECTIONS_SPARE 8 // the listening socket, the one that wakes
-#define HEADERS_MAX 8192    // bytes of a request's
+#define HEADERS_MAX 8192 // bytes of a request's
 #define HANDSHAKE_S 5
 #define KEEP_ALIVE_S 30
 #define TIMEOUT_S 20
@@ -23,10 +22,8 @@
 // ---- connections --------------------------------------------------------------------------------
 
 static int filter_connection(struct web *web, int fd) {
-    const struct rate_limit *limit = rate_limits_find(web->limits, fd);
-    return ws_server_stops(web->server) || !limit || !rate_limit_may_connect(web->limits, limit)
-               ? -1
-               : 0;
+    struct rate_limit *limit = rate_limits_find(web->limits, fd);
+    return ws_server_stops(web->server) || !limit || !places_let_in(web, limit) ? -1 : 0;
 }
 
 static void read_address(struct lws *socket, char *out, size_t size) {
@@ -46,8 +43,11 @@ static int open_connection(struct web *web, struct lws *socket) {
     connection->limit = limit;
     connection->answer = answer_none();
     read_address(socket, connection->address, sizeof connection->address);
+    if (!places_open(connection)) {
+        free(connection);
+        return -1;
+    }
     ws_keep_queue_short(socket);
-    rate_limit_connected(web->limits, limit);
     lws_set_opaque_user_data(socket, connection);
     return 0;
 }
@@ -57,7 +57,7 @@ static int end_connection(struct web_connection *connection) {
         return 0; // the listening socket, or one that came no further than TLS
     live_end(connection);
     http_end(connection);
-    rate_limit_disconnected(connection->web->limits, connection->limit);
+    places_close(connection);
     lws_set_opaque_user_data(connection->socket, NULL);
     free(connection);
     return 0;
@@ -199,8 +199,8 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
         .timeout_secs_ah_idle = (unsigned)web->timeout_s,
         .keepalive_timeout = KEEP_ALIVE_S,
         .max_http_header_data = HEADERS_MAX,
-        .max_http_header_pool = WEB_CONNECTIONS_MAX + CONNECTIONS_SPARE,
-        .fd_limit_per_thread = WEB_CONNECTIONS_MAX + CONNECTIONS_SPARE,
+        .max_http_header_pool = (unsigned)(web->places + web->spare),
+        .fd_limit_per_thread = (unsigned)(web->places + web->spare),
         .retry_and_idle_policy = &web->liveness,
         .vhost_name = "web",
     };
@@ -222,6 +222,7 @@ static void release(struct web *web) {
     host_check_destroy(&web->hosts);
     tls_files_destroy(&web->tls_files);
     rate_limits_destroy(&web->limits);
+    guests_destroy(&web->guests);
     free(web);
 }
 
@@ -234,6 +235,8 @@ enum result web_create(const struct web_config *config, const struct web_handler
     web->liveness.secs_since_valid_ping = (uint16_t)(web->timeout_s / 2);
     web->liveness.secs_since_valid_hangup = (uint16_t)web->timeout_s;
     web->limits = rate_limits_create();
+    web->guests = guests_create();
+    web->places = ws_server_places(WEB_CONNECTIONS_MAX, WEB_CONNECTIONS_SPARE, &web->spare);
     *out_web = NULL;
     enum result result = host_check_create(config->certificate, config->names, &web->hosts, err);
     if (result == RESULT_OK)

@@ -24,6 +24,7 @@ struct web_account {
     char name[64];
     char role[16];
     char trainee[64]; // empty: none
+    bool keeps_one;   // one of its connections makes room for nobody
 };
 
 // Texts live until on_request returns. Only `token` and `device` may be NULL.
@@ -43,8 +44,9 @@ struct web_request {
 // Range, and sets the length.
 struct web_response {
     int status;
-    char type[64]; // empty: application/json
-    char *body;    // of alloc or malloc; this room releases it
+    struct web_account account; // whose the token is; no name: nobody's, or not known
+    char type[64];              // empty: application/json
+    char *body;                 // of alloc or malloc; this room releases it
     size_t size;
     char file[512];     // instead of body: the path of a file, with Range; 404 if it cannot be read
     char owner[64];     // who downloads the file; a few at a time for each owner, else 503

@@ -1,5 +1,6 @@
 """What the system does not give: a session that does not fit is refused with its reason, and the others go on."""
 
+import http.client
 import os
 import re
 import resource
@@ -7,22 +8,54 @@ import socket
 import unittest
 
 from arthron import Process, SystemTest, call_json, program, text_of, wait_until
+from hall import Answer, Hall
 
 ROOMS = [f"room-{i}" for i in range(1, 8)]
 MB = 1 << 20
 
 
-class Console(SystemTest):
-    def test_strangers_that_take_every_descriptor_leave_the_console_its_own(self):
+class FewDescriptors(Hall, SystemTest):
+    """64 in all: a fifth of them for each kind of connection."""
+
+    def start_server(self, stations="", extra="", options=()):
         server = Process(self.folder, "server", "prlimit", "--nofile=64:64", program("arthron-server"), "run",
-                         "--config", self.server_config())
+                         "--config", self.server_config(stations, extra))
         self.processes.append(server)
         server.wait_for_log("ready")
         self.assertIn("the system gives 64 descriptors", server.log())
-        strangers = [socket.create_connection(("127.0.0.1", self.port)) for _ in range(80)]
+        return server
+
+    def hold(self, port, count=80):
+        for _ in range(count):
+            stranger = socket.create_connection(("127.0.0.1", port))
+            self.addCleanup(stranger.close)
+
+    def hold_as(self, cookie):
+        """A connection that stays, of whoever has the cookie."""
+        connection = http.client.HTTPSConnection("127.0.0.1", self.web_port, context=self.trust, timeout=60)
+        self.addCleanup(connection.close)
+        connection.request("GET", "/api/v1/me", None, {"Cookie": "arthron=" + cookie})
+        self.assertEqual(Answer(connection.getresponse()).status, 200)
+        return connection
+
+    def test_strangers_keep_out_neither_console_nor_stations_nor_instructors(self):
+        server = self.serve()
+        boss = self.make_first(server)
+        ada = self.make_account(boss, "ada.l", "technician")
+        self.start_mockup()
+        self.enrol("room-1")
+        self.hold(self.port)
+        self.hold(self.web_port)
+        self.start_station()
+        self.wait_for_steps()
+        self.done("GET", "/sessions", cookie=boss)
+        own = self.hold_as(boss)
+        for _ in range(20):
+            self.hold_as(ada)
+        self.hold(self.web_port)
+        own.request("GET", "/api/v1/me", None, {"Cookie": "arthron=" + boss})
+        self.assertEqual(Answer(own.getresponse()).json["account"]["name"], "grace")
         self.assertEqual(len(self.sessions()), 1)
-        for stranger in strangers:
-            stranger.close()
 
 
 class Limits(SystemTest):

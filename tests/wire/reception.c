@@ -56,6 +56,9 @@ static void echo(const struct web_request *q, struct web_response *out) {
 
 static void on_request(void *user, const struct web_request *q, struct web_response *out) {
     struct reception *r = user;
+    if (q->token && !strncmp(q->token, "good", 4))
+        strcpy(out->account.name, q->token);
+    out->account.keeps_one = q->token && !strcmp(q->token, "good-host");
     if (!strcmp(q->path, "/api/v1/slow")) {
         atomic_fetch_add(&r->waiting, 1);
         while (atomic_load(&r->blocks))

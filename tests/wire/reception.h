@@ -39,7 +39,8 @@ int reception_begin(void **state);
 int reception_begin_patiently(void **state);
 int reception_end(void **state);
 
-// "good" is an account's token, "slow" too, after 300 ms; others are nobody's.
+// "good" is an account's token, "slow" too, after 300 ms; others are nobody's. To /api/v1 each one
+// that begins with "good" is the token of another account; that of "good-host" keeps_one.
 
 // True as soon as *counter is at least `wanted`; false after 10 s.
 bool reception_wait(atomic_int *counter, int wanted);

@@ -338,21 +338,73 @@ static int knock(void) {
     return fd;
 }
 
-static void one_address_has_only_so_many_connections(void **state) {
+// Whether the server has ended it: waits for that as long as it takes, if it is to happen.
+static bool is_shut(int fd, bool waits) {
+    char byte;
+    struct timeval time = {waits ? 10 : 0, 1000};
+    setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &time, sizeof time);
+    return recv(fd, &byte, 1, 0) == 0;
+}
+
+static void of_the_strangers_at_one_address_the_oldest_make_room(void **state) {
     (void)state;
     enum { MOST = 256 };
     int callers[MOST];
     for (int i = 0; i < MOST; i++)
         callers[i] = knock();
-    assert_null(browser_open(reception.port));
-    close(callers[0]);
-    struct browser *browser = NULL;
-    for (int i = 0; i < 1000 && !(browser = browser_open(reception.port)); i++)
-        usleep(1000);
-    assert_non_null(browser);
+    assert_false(is_shut(callers[0], false));
+    struct browser *browser = call();
+    assert_true(is_shut(callers[0], true));
+    assert_false(is_shut(callers[1], false));
+    struct answered a = browser_ask(browser, "GET /", "");
+    assert_int_equal(a.status, 200);
+    free(a.body);
     browser_close(browser);
-    for (int i = 1; i < MOST; i++)
+    for (int i = 0; i < MOST; i++)
         close(callers[i]);
+}
+
+static int ask_as(struct browser *browser, const char *token) {
+    char cookie[64];
+    snprintf(cookie, sizeof cookie, "Cookie: arthron=%s\r\n", token);
+    struct answered a = browser_ask(browser, "GET /api/v1/a", cookie);
+    free(a.body);
+    return a.status;
+}
+
+static void who_is_signed_in_makes_no_room_for_strangers(void **state) {
+    (void)state;
+    enum { MOST = 300 };
+    int callers[MOST];
+    struct browser *trainee = call();
+    assert_int_equal(ask_as(trainee, "good-1"), 200);
+    for (int i = 0; i < MOST; i++)
+        callers[i] = knock();
+    assert_true(is_shut(callers[MOST - 256], true));
+    assert_int_equal(ask_as(trainee, "good-1"), 200);
+    for (int i = 0; i < MOST; i++)
+        close(callers[i]);
+    browser_close(trainee);
+}
+
+static void an_account_has_only_so_many_connections(void **state) {
+    (void)state;
+    enum { MOST = 96 };
+    struct browser *own[MOST + 1], *other = call(), *host = call();
+    assert_int_equal(ask_as(host, "good-host"), 200);
+    assert_int_equal(ask_as(other, "good-2"), 200);
+    for (int i = 0; i < MOST + 1; i++) {
+        own[i] = call();
+        assert_int_equal(ask_as(own[i], "good-1"), 200);
+    }
+    assert_true(browser_is_ended(own[0]));
+    assert_int_equal(ask_as(own[1], "good-1"), 200);
+    assert_int_equal(ask_as(other, "good-2"), 200);
+    assert_int_equal(ask_as(host, "good-host"), 200);
+    for (int i = 0; i < MOST + 1; i++)
+        browser_close(own[i]);
+    browser_close(other);
+    browser_close(host);
 }
 
 static void one_address_asks_only_so_often(void **state) {
@@ -369,6 +421,40 @@ static void one_address_asks_only_so_often(void **state) {
     struct answered a = browser_ask(browser, "GET /", ""); // pages cost nothing
     assert_int_equal(a.status, 200);
     free(a.body);
+    browser_close(browser);
+}
+
+static int count_refused(struct browser *browser, const char *token, int times) {
+    int refused = 0;
+    for (int i = 0; i < times; i++) {
+        int status = ask_as(browser, token);
+        assert_true(status == 200 || status == 429);
+        refused += status == 429;
+    }
+    return refused;
+}
+
+// Whatever the others at the address do, once it is known who it is.
+static void each_account_asks_only_so_often_wherever_it_is(void **state) {
+    (void)state;
+    struct browser *browser = call();
+    assert_int_equal(ask_as(browser, "good-1"), 200);
+    assert_true(count_refused(browser, "bad", 300) > 0);
+    assert_true(count_refused(browser, "good-1", 300) > 0);
+    struct browser *other = call();
+    assert_true(count_refused(other, "good-1", 100) > 0);
+    browser_close(browser);
+    browser_close(other);
+}
+
+static void who_is_signed_in_asks_while_others_at_the_address_ask_too_often(void **state) {
+    (void)state;
+    struct browser *browser = call();
+    assert_int_equal(ask_as(browser, "good-2"), 200);
+    assert_true(count_refused(browser, ",", 300) > 0);
+    assert_true(count_refused(browser, "bad", 300) > 0);
+    assert_int_equal(ask_as(browser, "good-2"), 200);
+    assert_int_equal(count_refused(browser, "good-2", 100), 0);
     browser_close(browser);
 }
 
@@ -394,8 +480,17 @@ int main(void) {
                                         reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(a_peer_that_sends_and_never_reads_gets_no_processor,
                                         reception_begin, reception_end),
-        cmocka_unit_test_setup_teardown(one_address_has_only_so_many_connections,
+        cmocka_unit_test_setup_teardown(of_the_strangers_at_one_address_the_oldest_make_room,
                                         reception_begin_patiently, reception_end),
+        cmocka_unit_test_setup_teardown(who_is_signed_in_makes_no_room_for_strangers,
+                                        reception_begin_patiently, reception_end),
+        cmocka_unit_test_setup_teardown(an_account_has_only_so_many_connections,
+                                        reception_begin_patiently, reception_end),
+        cmocka_unit_test_setup_teardown(each_account_asks_only_so_often_wherever_it_is,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(
+            who_is_signed_in_asks_while_others_at_the_address_ask_too_often, reception_begin,
+            reception_end),
         cmocka_unit_test_setup_teardown(one_address_asks_only_so_often, reception_begin,
                                         reception_end),
     };

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #define PLACE_NS NS_PER_S
+#define REFUSED_TOLD_NS (15 * NS_PER_S) // a station tries again each 5 s
 #define METRICS_NS (2 * NS_PER_S)
 
 // ---- moments ------------------------------------------------------------------------------------
@@ -98,14 +99,18 @@ static void fill_place(struct live_server *live, int station, double passed_s, a
     *out = (arthron_Place){.station_number = (uint32_t)station, .has_info = true};
     sessions_info(live->sessions, station, &out->info);
     memcpy(out->trainee, has_session ? status.about.trainee : status.trainee, sizeof out->trainee);
+    if (clock_now_ns() - status.refused_ns < REFUSED_TOLD_NS)
+        snprintf(out->refused, sizeof out->refused, "%s", status.refused);
     tell_devices(s, runtime_counts(runtime, station), &status, passed_s, out);
     tell_tissues(live, station, &status, out);
     double lost = (double)rise(out->info.frames_lost, &s->lost);
     double steps = (double)rise(out->info.steps, &s->frames);
     double warp_mm = runtime_take_warp_mm(runtime, station);
+    double pause_ns = (double)runtime_take_pause_ns(runtime, station, clock_now_ns());
     if (isfinite(passed_s)) {
         out->warp_mm = (float)warp_mm;
         out->loss_share = (float)(lost / fmax(lost + steps, 1));
+        out->pause_s = (float)(out->info.connected && has_session ? pause_ns / 1e9 : 0);
     }
     out->strength = strength_of(config, &status);
     warning_of_place(out, config->calibration_mm);

@@ -11,6 +11,7 @@
 #define LOSS_SHARE 0.05f
 #define UNCERTAIN_US 5000
 #define EXCESS_FRAMES 1000
+#define PAUSE_S 1.0f
 #define DAY_S 86400
 #define CERTIFICATE_WARNING_S (30 * DAY_S)
 
@@ -36,6 +37,9 @@ static void warn_of_link(arthron_Place *place) {
     const arthron_SessionInfo *info = &place->info;
     if (!info->connected)
         warn(place, URGENCY_NOW, "its station is away, the session waits for it");
+    if (place->pause_s > PAUSE_S)
+        warn(place, URGENCY_NOW, "no frame came from its station for %.0f s",
+             (double)place->pause_s);
     if (place->loss_share > LOSS_SHARE)
         warn(place, URGENCY_ACT, "%.0f %% of its frames are lost", 100 * (double)place->loss_share);
     if (place->loss_share <= LOSS_SHARE && info->frames_excess > EXCESS_FRAMES)
@@ -76,6 +80,8 @@ void warning_of_place(arthron_Place *place, double drift_mm) {
     const arthron_SessionInfo *info = &place->info;
     place->urgency = URGENCY_NONE;
     place->warning[0] = '\0';
+    if (place->refused[0])
+        warn(place, URGENCY_NOW, "%s", place->refused);
     if (info->state != arthron_SessionState_CLOSED) {
         warn_of_link(place);
         if (info->connected)

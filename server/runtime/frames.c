@@ -141,10 +141,23 @@ static void take_events(struct station_runtime *station) {
     memcpy(station->reply.event_counts, station->event_counts, sizeof station->event_counts);
 }
 
+void frames_begin_pause(struct station_runtime *station) {
+    station->last_frame_ns = clock_now_ns();
+    atomic_store_explicit(&station->counts.frame_ns, station->last_frame_ns, memory_order_relaxed);
+}
+
+static void end_pause(struct station_counts *counts, int64_t received_ns) {
+    int64_t pause_ns = received_ns - atomic_load_explicit(&counts->frame_ns, memory_order_relaxed);
+    atomic_store_explicit(&counts->frame_ns, received_ns, memory_order_relaxed);
+    if (pause_ns > atomic_load_explicit(&counts->pause_ns, memory_order_relaxed))
+        atomic_store_explicit(&counts->pause_ns, pause_ns, memory_order_relaxed);
+}
+
 static void take_frame(struct worker *worker, struct station_runtime *station, enum reply_path path,
                        struct frame *frame, int64_t received_ns) {
     if (path == PATH_DATAGRAM)
         atomic_store_explicit(&station->counts.datagram_ns, received_ns, memory_order_relaxed);
+    end_pause(&station->counts, received_ns);
     if (is_second_copy(station, frame)) {
         answer(worker, station, path);
         return;

@@ -8,6 +8,8 @@
 void frames_take_datagrams(struct worker *worker);
 // A connection of a station begins: numbers begin anew.
 void frames_end_order(struct station_runtime *station);
+// From now on the time without a frame counts.
+void frames_begin_pause(struct station_runtime *station);
 // Counts the frames that have not come for too long.
 void frames_settle(struct station_runtime *station);
 

@@ -224,6 +224,13 @@ double runtime_take_warp_mm(struct runtime *r, int station) {
     return (double)atomic_exchange(&r->stations[station].counts.warp_nm, 0) / 1e6;
 }
 
+int64_t runtime_take_pause_ns(struct runtime *r, int station, int64_t now_ns) {
+    struct station_counts *counts = &r->stations[station].counts;
+    int64_t pause_ns = atomic_exchange(&counts->pause_ns, 0);
+    int64_t since_ns = now_ns - atomic_load(&counts->frame_ns);
+    return pause_ns > since_ns ? pause_ns : since_ns;
+}
+
 struct socket_counts runtime_socket_counts(const struct runtime *r) {
     struct socket_counts sum = {0};
     for (int i = 0; i < r->worker_count; i++) {

@@ -64,4 +64,6 @@ void runtime_tissues(struct runtime *runtime, int station, struct tissue_report 
 const struct station_counts *runtime_counts(const struct runtime *runtime, int station);
 void runtime_count_invalid_frame(struct runtime *runtime, int station);
 double runtime_take_warp_mm(struct runtime *runtime, int station);
+// The longest time without a frame since the last call, up to now.
+int64_t runtime_take_pause_ns(struct runtime *runtime, int station, int64_t now_ns);
 struct socket_counts runtime_socket_counts(const struct runtime *runtime);

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "runtime/cut_worker.h"
+#include "runtime/frames.h"
 #include "runtime/reply.h"
 
 #include <math.h>
@@ -235,7 +236,7 @@ void step_begin(struct worker *worker, struct station_runtime *station,
     station->last_step_ns = session->last_ns;
     newest_put(station->metrics, &session->metrics);
     station->metrics_ns = session->last_ns;
-    station->last_frame_ns = clock_now_ns();
+    frames_begin_pause(station);
     if (session->pending)
         land_pending(worker, station);
     step_without_frame(worker, station, INPUT_EMPTY);

@@ -76,6 +76,8 @@ struct station_counts {
     atomic_uint_fast64_t clock_steps;  // of the station's clock
     atomic_int_fast64_t clock_step_ns; // the last one
     atomic_int_fast64_t datagram_ns;   // when the newest frame came by datagram
+    atomic_int_fast64_t frame_ns;      // when any came, or the session or connection began
+    atomic_int_fast64_t pause_ns;      // the longest between two frames since runtime_take_pause_ns
     struct device_counts devices[WIRE_DEVICES_MAX];
     atomic_int_fast64_t warp_nm; // the largest at any tip since the last runtime_take_warp_mm
 };

@@ -47,7 +47,7 @@ static void station_joined(struct worker *worker, struct station_runtime *statio
     station->reply.frame_number = 0;
     for (int bit = 0; bit < EVENT_COUNT; bit++) // those that no reply has told yet are its first
         station->event_counts[bit] = station->events >> bit & 1;
-    station->last_frame_ns = clock_now_ns();
+    frames_begin_pause(station);
     devices_begin(&station->device_watch, station->counts.devices);
     station->udp_connection = random_connection();
     send_keys(worker, station);

@@ -133,6 +133,7 @@ static void tell_failure(struct sessions *s, int station, const struct error *er
     arthron_SessionChange *change = &message.message.session_change;
     change->state = arthron_SessionState_CLOSED;
     snprintf(change->text, sizeof change->text, "no session: %.200s", err->text);
+    station_slot_refused(&s->slots[station], change->text);
     station_slot_status(&s->slots[station], &status);
     if (status.connected)
         control_send(s->control, status.peer, &message);

@@ -29,6 +29,13 @@ refuse(arthron_Refusal *refusal, arthron_Refusal_Reason reason, const char *form
     return RESULT_REFUSED;
 }
 
+// So that instructors see why it does not train.
+static enum result refuse_station(struct sessions *s, int station, arthron_Refusal *refusal,
+                                  arthron_Refusal_Reason reason, const struct error *why) {
+    station_slot_refused(&s->slots[station], why->text);
+    return refuse(refusal, reason, "station %s: %s", station_name(s, station), why->text);
+}
+
 static void fill_welcome(struct sessions *s, const struct station_status *status, bool resumed,
                          arthron_Welcome *welcome) {
     const struct knee_case *knee = scene_case(s->scenes[status->scene]);
@@ -109,12 +116,11 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
                       "station %s has no case: the server's config does not name it",
                       hello->station);
     if (allow_case(s, station, &why) != RESULT_OK)
-        return refuse(refusal, arthron_Refusal_Reason_NO_CASE, "station %s: %s", hello->station,
-                      why.text);
+        return refuse_station(s, station, refusal, arthron_Refusal_Reason_NO_CASE, &why);
     if (hello->visit)
         return receive_visit(s, station, welcome);
     if (allow_session(s, station, &why) != RESULT_OK)
-        return refuse(refusal, arthron_Refusal_Reason_BUSY, "%s", why.text);
+        return refuse_station(s, station, refusal, arthron_Refusal_Reason_BUSY, &why);
     return receive(s, station, peer, hello, welcome, refusal);
 }
 

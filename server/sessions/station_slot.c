@@ -89,6 +89,7 @@ void station_slot_attached(struct station_slot *slot, const struct session_about
     CHECK(s->phase == SLOT_OPENING && state != SESSION_CLOSED);
     s->phase = SLOT_ATTACHED;
     s->state = state;
+    s->refused[0] = '\0';
     s->about = *about;
     s->scene = about->scene;
     s->has_tissues = true;
@@ -103,6 +104,13 @@ void station_slot_failed(struct station_slot *slot, int64_t retry_ns) {
     s->phase = SLOT_EMPTY;
     s->state = SESSION_CLOSED;
     s->retry_ns = retry_ns;
+    end(slot);
+}
+
+void station_slot_refused(struct station_slot *slot, const char *why) {
+    struct station_status *s = begin(slot);
+    snprintf(s->refused, sizeof s->refused, "%s", why);
+    s->refused_ns = clock_now_ns();
     end(slot);
 }
 

@@ -19,6 +19,8 @@
 
 #include <pthread.h>
 
+#define STATION_REFUSED_MAX 160
+
 enum station_phase { SLOT_EMPTY, SLOT_OPENING, SLOT_ATTACHED, SLOT_ENDING };
 
 // The properties of a session that never change.
@@ -47,6 +49,8 @@ struct station_status {
     char trainee[STATION_NAME_MAX];
     bool stopped;     // by command: no session until a start, a case or a restart of the station
     int64_t retry_ns; // no session before this: the last attempt to open one failed
+    char refused[STATION_REFUSED_MAX]; // why the last attempt failed; empty: it did not
+    int64_t refused_ns;                // when
 
     // The station:
     bool connected;
@@ -106,6 +110,8 @@ void station_slot_attached(struct station_slot *slot, const struct session_about
                            void *user);
 // OPENING → EMPTY.
 void station_slot_failed(struct station_slot *slot, int64_t retry_ns);
+// The station, or a session of it, was refused; why: for a person.
+void station_slot_refused(struct station_slot *slot, const char *why);
 // ATTACHED → ENDING: a command stops the session.
 void station_slot_ending(struct station_slot *slot);
 // ENDING → ATTACHED: the worker did not stop it. False if the session has ended nevertheless.

@@ -48,6 +48,12 @@ static void each_thing_is_told_of(void **state) {
     assert_warns(place, URGENCY_NONE, "");
     place = good(), place.loss_share = 0.2f;
     assert_warns(place, URGENCY_ACT, "20 %");
+    place = good(), place.pause_s = 2.2f;
+    assert_warns(place, URGENCY_NOW, "no frame came from its station for 2 s");
+    place.info.connected = false;
+    assert_warns(place, URGENCY_NOW, "away");
+    place = good(), place.pause_s = 0.9f;
+    assert_warns(place, URGENCY_NONE, "");
     place = good(), strcpy(place.info.case_grade, "unfit");
     assert_warns(place, URGENCY_ACT, "unfit");
     place = good(), strcpy(place.info.case_grade, "not checked");
@@ -83,6 +89,8 @@ static void where_nobody_trains_nothing_is_urgent(void **state) {
     place.info.trace_missing = 3;
     strcpy(place.info.case_grade, "not checked");
     assert_warns(place, URGENCY_NONE, "");
+    strcpy(place.refused, "no memory left"); // somebody wants to train
+    assert_warns(place, URGENCY_NOW, "no memory left");
 }
 
 int main(void) {

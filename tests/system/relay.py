@@ -1,8 +1,9 @@
-"""Between a real station and a real server: a network that loses, delays, reorders, repeats, cuts and stalls.
+"""Between a real station and a real server: a network that loses, delays, reorders, repeats, forges, cuts and stalls.
 
 A relay has an address of its own, 127.0.0.N, and the server's ports there. UP is from the station to the server.
 """
 
+import collections
 import heapq
 import itertools
 import random
@@ -19,6 +20,9 @@ class Network:
 
     def __init__(self, **faults):
         self.loss = self.twice = self.reorder = 0  # shares of the datagrams
+        # Shares with a copy before them: of one of the last, with another bit, too long, back to its sender.
+        self.old = self.flipped = self.long = self.reflected = 0
+        self.port_s = 0                            # after so long the station has another source port; 0: never
         self.delay_ms = (0, 0)                     # of everything, evenly between
         self.no_udp = set()                        # ways
         self.stalled = set()                       # ways on which TCP is not read
@@ -47,6 +51,7 @@ class Relay:
         self.selector = selectors.DefaultSelector()
         self.due, self.order = [], itertools.count()  # (time, order, action)
         self.halves, self.outs = {}, {}
+        self.last = {way: collections.deque(maxlen=100) for way in (UP, DOWN)}  # datagrams
         self.passed = self.dropped = 0
         self.listener = socket.create_server((address, port))
         self.udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -90,34 +95,52 @@ class Relay:
 
     def from_station(self, s):
         data, station = s.recvfrom(2048)
-        if station not in self.outs:
+        out, made = self.outs.get(station, (None, 0))
+        now, port_s = time.monotonic(), self.network.port_s
+        if not out or port_s and now - made > port_s:
             out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             out.bind((self.address, 0))
             out.connect((self.server, self.udp_port))
             out.setblocking(False)
             self.selector.register(out, selectors.EVENT_READ, lambda o: self.from_server(o, station))
-            self.outs[station] = out
-        self.pass_on(UP, lambda: self.outs[station].send(data))
+            self.outs[station] = out, now  # the one before still takes what comes
+        self.pass_on(UP, data, out.send, lambda copy: self.udp.sendto(copy, station))
 
     def from_server(self, s, station):
         try:
             data = s.recv(2048)
         except OSError:
             return  # nobody listens there now
-        self.pass_on(DOWN, lambda: self.udp.sendto(data, station))
+        self.pass_on(DOWN, data, lambda copy: self.udp.sendto(copy, station), s.send)
 
-    def pass_on(self, way, send):
+    def forgeries(self, way, data):
+        """Each as (what, whether it goes back)."""
+        n, last = self.network, self.last[way]
+        last.append(data)
+        if self.random.random() < n.old:
+            yield self.random.choice(last), False
+        if self.random.random() < n.flipped:
+            at = self.random.randrange(len(data))
+            yield data[:at] + bytes([data[at] ^ 1 << self.random.randrange(8)]) + data[at + 1:], False
+        if self.random.random() < n.long:
+            yield data + self.random.randbytes(self.random.randrange(1, 9000)), False
+        if self.random.random() < n.reflected:
+            yield data, True
+
+    def pass_on(self, way, data, send, send_back):
         n = self.network
         if n.cut or way in n.no_udp or self.random.random() < n.loss:
             self.dropped += 1
             return
 
-        def act():
+        def act(send=send, data=data):
             try:
-                send()
+                send(data)
                 self.passed += 1
             except OSError:
                 self.dropped += 1
+        for copy, back in self.forgeries(way, data):
+            act(send_back if back else send, copy)
         for _ in range(2 if self.random.random() < n.twice else 1):
             late_s = 0.03 if self.random.random() < n.reorder else 0
             self.at(self.delay_s() + late_s, act)

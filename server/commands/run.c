@@ -127,6 +127,11 @@ static void raise_descriptors(int stations) {
                     (unsigned long)limit.rlim_cur, (unsigned long)needed);
 }
 
+// A core file would hold keys and cookies, and delay the next start.
+static void leave_no_core(void) {
+    setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
+}
+
 struct request {
     const char *path;
     struct setting_override overrides[OVERRIDES_MAX];
@@ -170,6 +175,7 @@ static int serve(const struct request *request) {
         log_warning("server", "the field of sessions is %s, for a bench",
                     field_name(request->field));
     field->kind = request->field;
+    leave_no_core();
     raise_descriptors(config.sessions.station_count);
     catch_ends();
     memory_keep_back(MEMORY_KEPT_BACK);

@@ -125,6 +125,7 @@ enum result confine_run(const char *const arguments[], const struct confine_limi
     struct child child;
     uint8_t *said;
     *out_payload = NULL;
+    signal(SIGCHLD, SIG_DFL); // where it is ignored, the system keeps no status of an ended child
     enum result result = start(arguments, limits, &child, err);
     if (result != RESULT_OK)
         return result;

@@ -6,6 +6,7 @@
 #include "net/authority_keys.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <openssl/crypto.h>
 #include <openssl/pem.h>
 #include <openssl/pkcs12.h>
@@ -63,14 +64,15 @@ static enum result read_passphrase(const char *named, struct passphrase *out, st
     find_path(named, out->path);
     if (!out->path[0])
         return RESULT_OK;
-    FILE *file = fopen(out->path, "re");
-    bool there = file && fgets(out->text, sizeof out->text, file);
+    int file = open(out->path, O_RDONLY | O_CLOEXEC); // stdio would keep a copy in its buffer
+    ssize_t size = file < 0 ? -1 : read(file, out->text, sizeof out->text - 1);
     int why = errno;
-    if (file)
-        fclose(file);
-    if (!there)
+    if (file >= 0)
+        close(file);
+    if (size <= 0)
         return fail(err, RESULT_INVALID, "%s: the passphrase of " NAME " cannot be read: %s",
-                    out->path, file ? "the file is empty" : strerror(why));
+                    out->path, size ? strerror(why) : "the file is empty");
+    out->text[size] = '\0';
     out->length = (int)strcspn(out->text, "\r\n");
     return RESULT_OK;
 }

@@ -66,6 +66,8 @@ class Watchdog(SystemTest):
         self.start_station()
         self.wait_for_steps()
         before = self.session()
+        self.assertRegex(text_of(f"/proc/{self.server.process.pid}/limits"), r"Max core file size +0 +0 ",
+                         "it would hold the keys")
         self.hang("worker 0")
         self.server.statuses.add(-signal.SIGABRT)
         wait_until("it ends", self.has_ended)

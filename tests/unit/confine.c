@@ -155,6 +155,15 @@ static void one_that_is_ended_or_answers_too_much_leaves_an_error(void **state) 
     assert_int_equal(waitpid(-1, NULL, WNOHANG), -1); // and none behind
 }
 
+static void an_ignored_signal_of_children_changes_nothing(void **state) {
+    (void)state;
+    char *answer;
+    size_t size;
+    signal(SIGCHLD, SIG_IGN); // as some parents leave it to their children
+    assert_int_equal(ask("much", 1000000, &answer, &size, NULL), RESULT_OK);
+    free(answer);
+}
+
 int main(int argc, char **argv) {
     if (argc > 1)
         return be_confined(argv[1]);
@@ -163,6 +172,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(an_answer_arrives_whole),
         cmocka_unit_test(what_it_refuses_is_told_in_its_words_on_one_line),
         cmocka_unit_test(one_that_is_ended_or_answers_too_much_leaves_an_error),
+        cmocka_unit_test(an_ignored_signal_of_children_changes_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

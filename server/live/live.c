@@ -87,11 +87,11 @@ static void drop_answers(struct viewer *viewer) {
         free(parcel);
 }
 
-static bool is_trainee(const struct live_account *account) {
+bool is_trainee(const struct live_account *account) {
     return !strcmp(account->role, store_role_name(ROLE_TRAINEE));
 }
 
-static bool is_same_person(const struct live_account *a, const struct live_account *b) {
+bool is_same_person(const struct live_account *a, const struct live_account *b) {
     if (is_trainee(a) != is_trainee(b))
         return false;
     return a->trainee[0] || b->trainee[0] ? !strcmp(a->trainee, b->trainee)
@@ -157,12 +157,13 @@ static bool watch_station(struct live_server *live, struct viewer *viewer) {
 }
 
 static bool watch_recorded(struct live_server *live, struct viewer *viewer) {
-    viewer->playback = playback_create(live, viewer);
-    if (playback_start(viewer->playback))
+    if (turns_have_place(&live->turns, &viewer->account)) {
+        viewer->playback = playback_create(live, viewer);
+        playback_start(viewer->playback);
         return true;
-    playback_leave(&viewer->playback);
+    }
     viewer_trouble(viewer, arthron_Trouble_Kind_FAILED,
-                   "the server is too busy to play a recorded session");
+                   "you play as many recorded sessions as you may: close one of them");
     return false;
 }
 
@@ -327,12 +328,13 @@ struct live_server *live_server_create(struct sessions *sessions,
     struct task_pool_settings commands = {.threads = COMMAND_THREADS,
                                           .tasks_max = LIVE_VIEWERS_MAX * 2 * ASKED_MAX};
     struct task_pool_settings playbacks = {
-        .threads = PLAYBACK_THREADS, .tasks_max = LIVE_VIEWERS_MAX, .nice = PLAYBACK_NICE};
+        .threads = PLAYBACK_THREADS, .tasks_max = 2 * PLAYBACK_THREADS, .nice = PLAYBACK_NICE};
     live->sessions = sessions;
     live->config = *config;
     pthread_rwlock_init(&live->news_lock, NULL);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
         live->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));
+    turns_init(&live->turns);
     live->commands = task_pool_create(&commands);
     live->playbacks = task_pool_create(&playbacks);
     return live;
@@ -350,6 +352,7 @@ void live_server_destroy(struct live_server **owned) {
             live_server_leave(live, &live->viewers[i]);
     task_pool_destroy(&live->commands);
     task_pool_destroy(&live->playbacks);
+    turns_fini(&live->turns);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
         drop_answers(&live->viewers[i]);
         ring_destroy(&live->viewers[i].answers);

@@ -4,9 +4,7 @@
 #include "base/clock.h"
 #include "live/replay_stream.h"
 
-#include <errno.h>
-#include <sched.h>
-#include <stdarg.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,17 +12,19 @@
 #define PARCEL_SIZE 16384          // so that a batch always has room for the next one, chunks apart
 #define WAITING_MAX (size_t)524288 // bytes that wait for the page
 #define PARCELS_MAX 1024
-#define PATIENCE_MS 30000
+#define LAST_PARCELS 8 // places for the last words
+#define PATIENCE_MS 10000
+#define LEAST_TAKEN 65536 // bytes in that time
 
 struct playback {
     atomic_int references;
     struct live_server *live;
-    struct live_account account;
+    struct playback_turn turn; // of the server's list
     arthron_Watch watch;
     atomic_bool left;
     struct ring *parcels; // of struct parcel *, to the thread of the pages
     struct parcel *next;  // that thread's: taken, and not put in a batch yet
-    atomic_size_t waiting;
+    atomic_size_t waiting, parcels_waiting;
     sem_t taken; // posted where the page took something
     // The thread's own; before it starts, the pages'.
     arthron_Live item;
@@ -32,6 +32,10 @@ struct playback {
     uint8_t bytes[LIVE_ITEM_MAX];
     struct live_batch batch;
     bool last;
+    size_t sent; // bytes
+    int64_t
+        since_ns; // it has waited for the page since then, but for what this took; 0: it has not
+    size_t taken_then; // bytes
 };
 
 // ---- references ---------------------------------------------------------------------------------
@@ -40,7 +44,7 @@ struct playback *playback_create(struct live_server *live, const struct viewer *
     struct playback *p = alloc(1, sizeof *p);
     atomic_init(&p->references, 1);
     p->live = live;
-    p->account = viewer->account;
+    p->turn.account = viewer->account;
     p->watch = viewer->watch;
     p->parcels = ring_create(PARCELS_MAX, sizeof(struct parcel *));
     p->batch = (struct live_batch){p->bytes, sizeof p->bytes, 0, false};
@@ -68,8 +72,11 @@ static void release(struct playback **playback) {
 }
 
 void playback_leave(struct playback **playback) {
-    atomic_store(&(*playback)->left, true);
-    sem_post(&(*playback)->taken);
+    struct playback *p = *playback, *waited = p;
+    atomic_store(&p->left, true);
+    sem_post(&p->taken);
+    if (turns_leave(&p->live->turns, &p->turn))
+        release(&waited);
     release(playback);
 }
 
@@ -80,27 +87,44 @@ void playback_batch(struct playback *p, struct live_batch *batch) {
         if (!batch_put(batch, p->next->bytes, p->next->size))
             return;
         atomic_fetch_sub(&p->waiting, p->next->size);
+        atomic_fetch_sub(&p->parcels_waiting, 1);
         free(p->next);
         p->next = NULL;
         sem_post(&p->taken);
     }
 }
 
+static bool has_room(const struct playback *p, size_t size) {
+    return p->last || (atomic_load(&p->waiting) + size <= WAITING_MAX &&
+                       atomic_load(&p->parcels_waiting) < PARCELS_MAX - LAST_PARCELS);
+}
+
+// Whether the page takes its share of a thread that others wait for. What a page takes is counted
+// over the time in which there was always something for it.
+static bool takes_enough(struct playback *p) {
+    int patience_ms = p->live->config.patience_ms;
+    int64_t patience_ns = (patience_ms ? patience_ms : PATIENCE_MS) * NS_PER_MS;
+    int64_t now_ns = clock_now_ns();
+    size_t taken = p->sent - atomic_load(&p->waiting);
+    if (p->since_ns && now_ns - p->since_ns < patience_ns)
+        return true;
+    if (p->since_ns && taken - p->taken_then < LEAST_TAKEN)
+        return !turns_want(&p->live->turns, &p->turn);
+    p->since_ns = now_ns;
+    p->taken_then = taken;
+    return true;
+}
+
 // False where the page has gone, or keeps others waiting.
 static bool wait_for_page(struct playback *p, size_t size) {
-    int patience_ms = p->live->config.patience_ms;
-    int64_t begin_ns = clock_now_ns();
-    int64_t patience_ns = (patience_ms ? patience_ms : PATIENCE_MS) * NS_PER_MS;
-    size_t before = atomic_load(&p->waiting);
-    while (!p->last && !atomic_load(&p->left) && atomic_load(&p->waiting) + size > WAITING_MAX) {
+    if (atomic_load(&p->waiting) < WAITING_MAX / 2 && has_room(p, size))
+        p->since_ns = 0;
+    while (!atomic_load(&p->left) && !has_room(p, size)) {
+        if (!takes_enough(p))
+            return false;
         int64_t until_ns = clock_now_ns() + NS_PER_S;
         struct timespec until = {until_ns / NS_PER_S, until_ns % NS_PER_S};
         sem_clockwait(&p->taken, CLOCK_MONOTONIC, &until);
-        if (atomic_load(&p->waiting) != before)
-            begin_ns = clock_now_ns();
-        before = atomic_load(&p->waiting);
-        if (atomic_load(&p->live->playbacks_waiting) && clock_now_ns() - begin_ns > patience_ns)
-            return false;
     }
     return !atomic_load(&p->left);
 }
@@ -114,14 +138,11 @@ static bool send(struct playback *p) {
     parcel->size = p->batch.used;
     memcpy(parcel->bytes, p->bytes, p->batch.used);
     p->batch.used = 0;
+    p->sent += parcel->size;
     atomic_fetch_add(&p->waiting, parcel->size);
-    while (!ring_push(p->parcels, &parcel)) {
-        if (atomic_load(&p->left)) {
-            free(parcel);
-            return false;
-        }
-        sched_yield();
-    }
+    atomic_fetch_add(&p->parcels_waiting, 1);
+    bool pushed = ring_push(p->parcels, &parcel);
+    CHECK(pushed);
     live_news(p->live);
     return true;
 }
@@ -164,7 +185,7 @@ static void fail_with(struct playback *p, arthron_Trouble_Kind kind, const char 
 
 static enum result play(struct playback *p, struct error *err) {
     const struct live_config *config = &p->live->config;
-    if (!config->allowed || !config->allowed(config->user, &p->account, p->watch.session))
+    if (!config->allowed || !config->allowed(config->user, &p->turn.account, p->watch.session))
         return fail(err, RESULT_REFUSED, "there is no session %s that you may see",
                     p->watch.session);
     struct replay_sink sink = {p, say, say_mesh, &p->item};
@@ -176,15 +197,13 @@ static void give_up(struct playback *p) {
     p->batch.used = 0;
     p->last = true;
     fail_with(p, arthron_Trouble_Kind_FAILED,
-              "this page took nothing for long, and others wait: open it again");
+              "this page took too little for long, and others wait: open it again");
 }
 
-static int64_t run(void *data) {
-    struct playback *p = data;
+static void run_one(struct playback *p) {
     struct error err;
-    atomic_fetch_sub(&p->live->playbacks_waiting, 1);
     if (atomic_load(&p->left))
-        return TASK_DONE;
+        return;
     enum result result = play(p, &err);
     if (result == RESULT_REFUSED)
         fail_with(p, arthron_Trouble_Kind_NOT_THERE, err.text);
@@ -194,28 +213,32 @@ static int64_t run(void *data) {
         send(p);
     else
         give_up(p);
+}
+
+static struct playback *take_turn(struct live_server *live) {
+    struct playback_turn *turn = turns_take(&live->turns);
+    return turn ? (struct playback *)((char *)turn - offsetof(struct playback, turn)) : NULL;
+}
+
+static int64_t run(void *data) {
+    struct live_server *live = data;
+    atomic_fetch_sub(&live->playbacks_called, 1);
+    for (struct playback *p; (p = take_turn(live)); release(&p)) {
+        run_one(p);
+        turns_end(&live->turns, &p->turn);
+    }
     return TASK_DONE;
 }
 
-static void finish(void *data, bool done) {
-    struct playback *p = data;
-    if (!done)
-        atomic_fetch_sub(&p->live->playbacks_waiting, 1);
-    atomic_fetch_sub(&p->live->playbacks_left, 1);
-    release(&p);
-}
-
-bool playback_start(struct playback *p) {
-    struct task task = {.run = run, .finish = finish, .data = hold(p)};
-    if (atomic_fetch_add(&p->live->playbacks_left, 1) >= PLAYBACK_THREADS)
+void playback_start(struct playback *p) {
+    struct live_server *live = p->live;
+    if (turns_are_busy(&live->turns, &p->turn.account))
         tell(p, arthron_Trouble_Kind_NOTE,
              "other recorded sessions are being played: this one waits");
-    atomic_fetch_add(&p->live->playbacks_waiting, 1);
-    if (task_pool_add(p->live->playbacks, &task))
-        return true;
-    atomic_fetch_sub(&p->live->playbacks_waiting, 1);
-    atomic_fetch_sub(&p->live->playbacks_left, 1);
-    struct playback *held = task.data;
-    release(&held);
-    return false;
+    turns_add(&live->turns, &hold(p)->turn);
+    if (atomic_load(&live->playbacks_called) == PLAYBACK_THREADS)
+        return;
+    atomic_fetch_add(&live->playbacks_called, 1);
+    bool taken = task_pool_add(live->playbacks, &(struct task){.run = run, .data = live});
+    CHECK(taken);
 }

@@ -11,7 +11,6 @@ struct playback;
 
 // Of the session that the viewer watches. The caller owns the reference.
 struct playback *playback_create(struct live_server *live, const struct viewer *viewer);
-// Queues the playback behind the others. False if there are too many.
-bool playback_start(struct playback *playback);
+void playback_start(struct playback *playback);  // when its turn comes
 void playback_leave(struct playback **playback); // ends it soon, and releases the reference
 void playback_batch(struct playback *playback, struct live_batch *batch);

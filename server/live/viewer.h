@@ -4,6 +4,7 @@
 #include "base/ring.h"
 #include "base/task_pool.h"
 #include "live/live.h"
+#include "live/playback_turns.h"
 #include "sessions/sessions.h"
 #include "store/store.h"
 #include "wire/live.h"
@@ -11,7 +12,6 @@
 #include <pthread.h>
 #include <semaphore.h>
 
-#define PLAYBACK_THREADS 2
 #define ASKED_MAX 8 // unanswered commands of one page
 
 // ---- batches ------------------------------------------------------------------------------------
@@ -122,14 +122,17 @@ struct live_server {
     struct station_cache cache[STATIONS_MAX];
     arthron_Live item; // too large for a stack, as is the chunk
     arthron_MeshChunk chunk;
-    struct task_pool *commands;   // commands of one page run in order
-    struct task_pool *playbacks;  // of recorded sessions
-    atomic_int playbacks_left;    // those that have not ended
-    atomic_int playbacks_waiting; // those that have not begun
-    pthread_rwlock_t news_lock;   // of on_news and news_user
+    struct task_pool *commands;  // commands of one page run in order
+    struct task_pool *playbacks; // of recorded sessions
+    struct playback_turns turns; // of those
+    atomic_int playbacks_called; // threads that are to look for a turn
+    pthread_rwlock_t news_lock;  // of on_news and news_user
     void (*on_news)(void *user);
     void *news_user;
 };
+
+bool is_trainee(const struct live_account *account);
+bool is_same_person(const struct live_account *a, const struct live_account *b);
 
 static inline bool is_staff(const struct viewer *viewer) {
     return viewer->role == ROLE_INSTRUCTOR || viewer->role == ROLE_TECHNICIAN;

@@ -2,6 +2,7 @@
 // pages get them.
 #include "base/clock.h"
 #include "live/live.h"
+#include "live/playback_turns.h"
 #include "test.h"
 #include "unit/hall.h"
 #include "wire/live.h"
@@ -18,6 +19,9 @@
 #define ID "00112233445566778899aabbccddeeff"
 
 static const struct live_account instructor = {.name = "otto", .role = "instructor"};
+static const struct live_account anna = {.name = "anna", .role = "trainee", .trainee = "anna"};
+static const struct live_account ben = {.name = "ben", .role = "trainee", .trainee = "ben"};
+static const struct live_account cleo = {.name = "cleo", .role = "trainee", .trainee = "cleo"};
 
 // ---- a trace ------------------------------------------------------------------------------------
 
@@ -121,29 +125,49 @@ static void read_batch(struct page *page, const uint8_t *bytes, size_t size) {
     }
 }
 
-static void draw_to_the_end(struct page *page) {
+// One batch; false: there is none now.
+static bool draw(struct page *page) {
     static uint8_t bytes[LIVE_BATCH_MAX];
-    for (int i = 0; i < 20000 && !page->done; i++) {
-        int64_t now_ns = clock_now_ns(), next_ns;
-        size_t size =
-            live_server_batch(page->live, page->viewer, now_ns, bytes, sizeof bytes, &next_ns);
-        read_batch(page, bytes, size);
-        if (!size)
+    int64_t next_ns;
+    size_t size =
+        live_server_batch(page->live, page->viewer, clock_now_ns(), bytes, sizeof bytes, &next_ns);
+    read_batch(page, bytes, size);
+    return size;
+}
+
+static void draw_to_the_end(struct page *page) {
+    for (int i = 0; i < 20000 && !page->done; i++)
+        if (!draw(page))
             hall_wait_ms(1);
-    }
     assert_true(page->done);
 }
 
-static void watch(struct page *page, struct live_server *live, const char *case_name) {
+static void open_page(struct page *page, struct live_server *live,
+                      const struct live_account *account) {
+    *page = (struct page){.live = live, .viewer = live_server_join(live, account)};
+    assert_non_null(page->viewer);
+}
+
+static void play(struct page *page, const char *case_name) {
     arthron_Page message = {.which_message = arthron_Page_watch_tag};
     arthron_Watch *w = &message.message.watch;
-    *page = (struct page){.live = live, .viewer = live_server_join(live, &instructor)};
     w->what = arthron_Watch_What_RECORDED;
     w->rate_hz = 120;
     w->meshes = true;
     strcpy(w->session, ID);
     strcpy(w->case_name, case_name);
-    assert_true(live_server_take(live, page->viewer, &message));
+    assert_true(live_server_take(page->live, page->viewer, &message));
+}
+
+static void watch(struct page *page, struct live_server *live, const char *case_name) {
+    open_page(page, live, &instructor);
+    play(page, case_name);
+}
+
+static void play_as(struct page *page, struct live_server *live,
+                    const struct live_account *account) {
+    open_page(page, live, account);
+    play(page, "");
 }
 
 static bool allow(void *user, const struct live_account *account, const char *session) {
@@ -196,30 +220,127 @@ static void messages_that_wait_for_a_page_are_bounded_and_not_lost(void **state)
     sessions_destroy(&sessions);
 }
 
-// Two are played at a time.
 static void a_page_that_takes_nothing_makes_room_for_others(void **state) {
     (void)state;
     struct sessions *sessions = hall_open();
     struct live_server *live = open_live(sessions, 100);
-    struct page idle[2], third;
+    struct page idle[PLAYBACK_THREADS], last;
+    int given_up = 0;
     record(sessions, 0, 0);
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < PLAYBACK_THREADS; i++)
         watch(&idle[i], live, "");
-    watch(&third, live, "");
-    draw_to_the_end(&third);
-    assert_int_equal(third.moments, STEPS);
-    for (int i = 0; i < 2; i++) {
+    watch(&last, live, "");
+    draw_to_the_end(&last);
+    assert_int_equal(last.moments, STEPS);
+    for (int i = 0; i < PLAYBACK_THREADS; i++) {
         draw_to_the_end(&idle[i]); // what waited, and why there is no more
+        assert_true(idle[i].moments > 0);
+        given_up += idle[i].moments < STEPS;
         if (idle[i].moments < STEPS)
-            assert_non_null(strstr(idle[i].trouble, "took nothing for long"));
+            assert_non_null(strstr(idle[i].trouble, "took too little for long"));
     }
-    assert_true(idle[0].moments < STEPS || idle[1].moments < STEPS);
-    assert_true(idle[0].moments > 0 && idle[1].moments > 0);
-    for (int i = 0; i < 2; i++)
+    assert_true(given_up > 0);
+    for (int i = 0; i < PLAYBACK_THREADS; i++)
         live_server_leave(live, idle[i].viewer);
-    live_server_leave(live, third.viewer);
+    live_server_leave(live, last.viewer);
     live_server_destroy(&live);
     sessions_destroy(&sessions);
+}
+
+// Each takes a batch now and then, but less than its share.
+static void a_page_that_takes_little_makes_room_for_others(void **state) {
+    (void)state;
+    enum { PATIENCE_MS = 250, PAUSE_MS = 200 };
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions, PATIENCE_MS);
+    struct page slow[PLAYBACKS_OF_TRAINEES], last;
+    record(sessions, 0, 0);
+    play_as(&slow[0], live, &anna);
+    play_as(&slow[1], live, &ben);
+    play_as(&last, live, &cleo);
+    for (int round = 0; round < 100 && !last.done; round++) {
+        draw(&slow[0]);
+        draw(&slow[1]);
+        for (int ms = 0; ms < PAUSE_MS && !last.done; ms++)
+            if (!draw(&last))
+                hall_wait_ms(1);
+    }
+    assert_int_equal(last.moments, STEPS);
+    draw_to_the_end(&slow[0]);
+    draw_to_the_end(&slow[1]);
+    assert_true(slow[0].moments < STEPS || slow[1].moments < STEPS);
+    for (int i = 0; i < PLAYBACKS_OF_TRAINEES; i++)
+        live_server_leave(live, slow[i].viewer);
+    live_server_leave(live, last.viewer);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
+// None of whom draws anything, and one asks again and again.
+static void trainees_leave_room_to_an_instructor(void **state) {
+    (void)state;
+    enum { PATIENCE_MS = 3600000, PAGES = 6, AGAIN = 300 };
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions, PATIENCE_MS);
+    struct page pages[PAGES], others[2], boss;
+    record(sessions, 0, 0);
+    for (int i = 0; i < PAGES; i++)
+        play_as(&pages[i], live, &anna);
+    play_as(&others[0], live, &ben);
+    open_page(&others[1], live, &cleo);
+    for (int i = 0; i < AGAIN; i++)
+        play(&others[1], "");
+    play_as(&boss, live, &instructor);
+    draw_to_the_end(&boss);
+    assert_int_equal(boss.moments, STEPS);
+    for (int i = 2; i < PAGES; i++) {
+        draw_to_the_end(&pages[i]);
+        assert_non_null(strstr(pages[i].trouble, "as many recorded sessions as you may"));
+    }
+    live_server_leave(live, pages[0].viewer);
+    draw_to_the_end(&pages[1]);
+    assert_int_equal(pages[1].moments, STEPS);
+    draw_to_the_end(&others[1]);
+    assert_int_equal(others[1].moments, STEPS);
+    for (int i = 1; i < PAGES; i++)
+        live_server_leave(live, pages[i].viewer);
+    live_server_leave(live, others[0].viewer);
+    live_server_leave(live, others[1].viewer);
+    live_server_leave(live, boss.viewer);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
+static void staff_play_first_and_each_person_one(void **state) {
+    (void)state;
+    struct playback_turn a = {.account = anna}, a2 = {.account = anna}, b = {.account = ben},
+                         c = {.account = cleo}, o = {.account = instructor},
+                         o2 = {.account = instructor};
+    struct playback_turns turns;
+    turns_init(&turns);
+    turns_add(&turns, &a);
+    turns_add(&turns, &a2);
+    turns_add(&turns, &b);
+    turns_add(&turns, &c);
+    assert_ptr_equal(turns_take(&turns), &a);
+    assert_ptr_equal(turns_take(&turns), &b); // a2 is the same person's
+    assert_null(turns_take(&turns));          // the third thread is for staff
+    turns_add(&turns, &o);
+    turns_add(&turns, &o2);
+    assert_ptr_equal(turns_take(&turns), &o);
+    assert_null(turns_take(&turns));
+    assert_true(turns_want(&turns, &b));
+    turns_end(&turns, &b);
+    assert_ptr_equal(turns_take(&turns), &c); // before anybody's second
+    turns_end(&turns, &c);
+    assert_ptr_equal(turns_take(&turns), &o2);
+    assert_false(turns_want(&turns, &o)); // a2 waits for a
+    assert_true(turns_want(&turns, &a));
+    assert_false(turns_leave(&turns, &a));
+    assert_true(turns_leave(&turns, &a2));
+    turns_end(&turns, &a);
+    assert_null(turns_take(&turns));
+    turns_fini(&turns);
 }
 
 static void behind_missing_steps_moments_go_on_and_meshes_do_not(void **state) {
@@ -278,6 +399,9 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(messages_that_wait_for_a_page_are_bounded_and_not_lost),
         cmocka_unit_test(a_page_that_takes_nothing_makes_room_for_others),
+        cmocka_unit_test(a_page_that_takes_little_makes_room_for_others),
+        cmocka_unit_test(trainees_leave_room_to_an_instructor),
+        cmocka_unit_test(staff_play_first_and_each_person_one),
         cmocka_unit_test(behind_missing_steps_moments_go_on_and_meshes_do_not),
         cmocka_unit_test(on_another_case_it_ends_at_missing_steps),
         cmocka_unit_test(a_tissue_that_the_case_does_not_have_ends_it_and_is_told),

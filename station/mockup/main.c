@@ -24,10 +24,14 @@ static const char help[] =
     "\n"
     "  --motion FILE            motion file: joint, tools, handles\n"
     "  --recording FILE         recording of one tool, played as --tool NAME (probe, punch, ...)\n"
-    "  --modbus-tcp HOST:PORT   be a Modbus TCP slave\n"
-    "  --modbus-rtu PATH        be a Modbus RTU slave; PATH becomes a link to its serial line\n"
+    "  --modbus-tcp HOST:PORT   be a Modbus TCP slave, or a gateway to --slaves\n"
+    "  --modbus-rtu PATH        be Modbus RTU slaves; PATH becomes a link to their serial line\n"
+    "  --line \"BAUD STOP\"       answer only on a line with this baud rate (9600 to 230400) and\n"
+    "                           these stop bits (any)\n"
     "  --modbus-rate HZ         how often the registers change (200)\n"
-    "  --slave N                the slave's number (1)\n"
+    "  --slave N                the slave's number, or the first one's (1)\n"
+    "  --slaves COUNT           how many slaves there are (1)\n"
+    "  --order ORDER            of the bytes in registers: ABCD, CDAB, BADC, DCBA (ABCD)\n"
     "  --tracker HOST:PORT      be an OpenIGTLink tracker\n"
     "  --message TYPE           TRANSFORM, TDATA, POSITION or QTDATA (TDATA)\n"
     "  --when-asked             send TDATA or QTDATA only to clients that ask for it\n"
@@ -99,6 +103,9 @@ enum option_code {
     MODBUS_RTU,
     MODBUS_RATE,
     SLAVE,
+    SLAVES,
+    LINE,
+    ORDER,
     TRACKER,
     MESSAGE,
     WHEN_ASKED,
@@ -121,6 +128,9 @@ static const struct option options[] = {
     {"modbus-rtu", required_argument, NULL, MODBUS_RTU},
     {"modbus-rate", required_argument, NULL, MODBUS_RATE},
     {"slave", required_argument, NULL, SLAVE},
+    {"slaves", required_argument, NULL, SLAVES},
+    {"line", required_argument, NULL, LINE},
+    {"order", required_argument, NULL, ORDER},
     {"tracker", required_argument, NULL, TRACKER},
     {"message", required_argument, NULL, MESSAGE},
     {"when-asked", no_argument, NULL, WHEN_ASKED},
@@ -154,6 +164,22 @@ static bool set_motion(struct mockup *m, int code, const char *text) {
     }
 }
 
+// "19200 1"
+static bool parse_line(const char *text, struct slave *slave) {
+    char rest;
+    return sscanf(text, "%d %d %c", &slave->baud, &slave->stop_bits, &rest) == 2 &&
+           (slave->stop_bits == 1 || slave->stop_bits == 2) && slave_knows_baud(slave->baud);
+}
+
+static bool parse_order(const char *text, enum modbus_order *out) {
+    for (int i = 0; i < MODBUS_ORDER_COUNT; i++)
+        if (!strcmp(text, modbus_order_names[i])) {
+            *out = (enum modbus_order)i;
+            return true;
+        }
+    return false;
+}
+
 static bool set_slave(struct mockup *m, int code, const char *text) {
     switch (code) {
     case MODBUS_TCP:
@@ -168,6 +194,12 @@ static bool set_slave(struct mockup *m, int code, const char *text) {
     case SLAVE:
         return parse_whole(text, 1, 247, &m->tcp.number) &&
                parse_whole(text, 1, 247, &m->rtu.number);
+    case SLAVES:
+        return parse_whole(text, 1, 247, &m->tcp.count) && parse_whole(text, 1, 247, &m->rtu.count);
+    case LINE:
+        return parse_line(text, &m->rtu);
+    case ORDER:
+        return parse_order(text, &m->tcp.order) && parse_order(text, &m->rtu.order);
     default:
         return false;
     }
@@ -223,6 +255,8 @@ static void check_usage(const struct mockup *m) {
         end_with_usage("one of --motion and --recording is required");
     if (m->recording && m->tool == CHANNEL_COUNT)
         end_with_usage("--recording needs --tool");
+    if (m->tcp.number + m->tcp.count > 248)
+        end_with_usage("--slave and --slaves: the last slave's number is above 247");
     if (m->motion && m->tool != CHANNEL_COUNT)
         end_with_usage("--tool goes with --recording");
     if (!m->tcp_address && !m->rtu_path && !m->tracker_address && !m->hid.serial)
@@ -338,8 +372,12 @@ static enum result run(struct mockup *m, const sigset_t *endings, struct error *
 
 int main(int argc, char **argv) {
     static struct mockup m = {.tool = CHANNEL_COUNT};
-    struct slave slave = {
-        .player = &m.player, .faults = &m.faults, .stop = &m.stop, .update_hz = 200, .number = 1};
+    struct slave slave = {.player = &m.player,
+                          .faults = &m.faults,
+                          .stop = &m.stop,
+                          .update_hz = 200,
+                          .number = 1,
+                          .count = 1};
     m.tcp = m.rtu = slave;
     m.tracker = (struct tracker_server){.player = &m.player,
                                         .faults = &m.faults,

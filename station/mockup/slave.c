@@ -29,38 +29,67 @@ enum {
     OPENING,
     BUTTONS,
     SHAVER_BUTTONS,
-    REGISTERS
+    NUMBER,
+    FLOATS = 12,  // two registers for each of the joint's values
+    WHOLES = 24,  // too
+    ENCODER = 36, // two registers
+    REGISTERS = 38
 };
 
-static const uint32_t patience_us = 5000; // with half a request, while other masters wait
+enum { JOINT_VALUES = 6, REQUEST_BYTES = 8, PATIENCE_MS = 5 };
+
+static const uint32_t patience_us =
+    1000 * PATIENCE_MS; // with half a request, while other masters wait
 static const uint8_t unknown_function = 0x41;
-static const double closed_opening = 0.05; // the punch's end switch closes below it
-static const double running_opening = 0.5; // the shaver's button is down from it on
+static const double closed_opening = 0.05;   // the punch's end switch closes below it
+static const double running_opening = 0.5;   // the shaver's button is down from it on
+static const double encoder_steps = 1 << 17; // of a turn
 
 // ---- registers ----------------------------------------------------------------------------------
 
-static uint16_t hundredths(double value) {
-    double steps = fmax(INT16_MIN, fmin(INT16_MAX, round(100 * value)));
-    return (uint16_t)(int16_t)steps;
+static uint32_t steps(double value, double lowest, double highest) {
+    return (uint32_t)(int32_t)fmax(lowest, fmin(highest, round(value)));
 }
 
-static void set_joint(const struct recording *r, double t, uint16_t *registers) {
-    struct joint_angles a = recording_joint_at(r, t);
-    registers[FLEXION] = hundredths(a.flexion_deg);
-    registers[VARUS] = hundredths(a.varus_deg);
-    registers[INTERNAL] = hundredths(a.internal_deg);
-    registers[SHIFT] = hundredths(a.shift_mm);
-    registers[DRAWER] = hundredths(a.drawer_mm);
-    registers[DISTRACTION] = hundredths(a.distraction_mm);
+static void set_wide(const struct slave *s, uint32_t value, uint16_t *registers) {
+    bool low_first = s->order == MODBUS_CDAB || s->order == MODBUS_DCBA;
+    registers[low_first] = (uint16_t)(value >> 16);
+    registers[!low_first] = (uint16_t)value;
 }
 
-static void set_registers(const struct slave *s, double seconds, uint16_t *registers) {
-    const struct recording *r = &s->player->recording;
-    double updates = floor(seconds * s->update_hz);
-    double t = player_file_time(s->player, updates / s->update_hz);
-    registers[SEQUENCE] = (uint16_t)(int64_t)updates;
-    if (r->joints)
-        set_joint(r, t, registers);
+static void set_float(const struct slave *s, double value, uint16_t *registers) {
+    float number = (float)value;
+    uint32_t bits;
+    memcpy(&bits, &number, sizeof bits);
+    set_wide(s, bits, registers);
+}
+
+// A NaN is what the registers have for "no value".
+static void set_joint(const struct slave *s, const double values[JOINT_VALUES],
+                      uint16_t *registers) {
+    for (int i = 0; i < JOINT_VALUES; i++) {
+        double value = isnan(values[i]) ? -INFINITY : values[i];
+        registers[FLEXION + i] = (uint16_t)steps(100 * value, INT16_MIN, INT16_MAX);
+        set_float(s, values[i], registers + FLOATS + 2 * i);
+        set_wide(s, steps(10000 * value, INT32_MIN, INT32_MAX), registers + WHOLES + 2 * i);
+    }
+    double turn = isnan(values[0]) ? 0 : (values[0] + 180) / 360;
+    set_wide(s, (uint32_t)floor((turn - floor(turn)) * encoder_steps), registers + ENCODER);
+}
+
+// Jump and noise of the joint's values, and what stands for "no value".
+static void spoil_joint(struct slave *s, double seconds, double values[JOINT_VALUES]) {
+    const struct fault *jump = faults_strike(s->faults, FAULT_MODBUS, FAULT_JUMP, seconds);
+    const struct fault *noise = faults_strike(s->faults, FAULT_MODBUS, FAULT_NOISE, seconds);
+    bool none = faults_strike(s->faults, FAULT_MODBUS, FAULT_NAN, seconds);
+    values[0] += jump ? jump->value : 0;
+    for (int i = 0; i < JOINT_VALUES; i++) {
+        values[i] += noise ? noise->value * faults_noise() : 0;
+        values[i] = none ? NAN : values[i];
+    }
+}
+
+static void set_handles(const struct recording *r, double t, uint16_t *registers) {
     for (int i = 0; i < r->tool_count; i++) {
         double opening = recording_tool_at(r, i, t).opening;
         if (r->tools[i].has_opening && r->tools[i].channel == CHANNEL_PUNCH) {
@@ -72,17 +101,28 @@ static void set_registers(const struct slave *s, double seconds, uint16_t *regis
     }
 }
 
-// Jump and noise of the joint's values; the register that stands for "no value".
-static void spoil_registers(struct slave *s, double seconds, uint16_t *registers) {
-    const struct fault *jump = faults_strike(s->faults, FAULT_MODBUS, FAULT_JUMP, seconds);
-    const struct fault *noise = faults_strike(s->faults, FAULT_MODBUS, FAULT_NOISE, seconds);
-    if (jump)
-        registers[FLEXION] = hundredths((int16_t)registers[FLEXION] / 100.0 + jump->value);
-    for (int i = FLEXION; i <= DISTRACTION && noise; i++)
-        registers[i] = hundredths((int16_t)registers[i] / 100.0 + noise->value * faults_noise());
-    if (faults_strike(s->faults, FAULT_MODBUS, FAULT_NAN, seconds))
-        for (int i = FLEXION; i <= OPENING; i++)
-            registers[i] = 0x8000;
+// What slave `number` says of the time `time_s`; faults are those of `seconds`.
+static void set_registers(struct slave *s, int number, double time_s, double seconds,
+                          uint16_t *registers) {
+    const struct recording *r = &s->player->recording;
+    double updates = floor(time_s * s->update_hz);
+    double t = player_file_time(s->player, updates / s->update_hz);
+    double joint[JOINT_VALUES] = {0};
+    if (r->joints) {
+        struct joint_angles a = recording_joint_at(r, t);
+        memcpy(joint,
+               (double[]){a.flexion_deg, a.varus_deg, a.internal_deg, a.shift_mm, a.drawer_mm,
+                          a.distraction_mm},
+               sizeof joint);
+    }
+    spoil_joint(s, seconds, joint);
+    set_handles(r, t, registers);
+    registers[OPENING] = isnan(joint[0]) ? 0x8000 : registers[OPENING];
+    set_joint(s, joint, registers);
+    registers[SEQUENCE] = (uint16_t)(int64_t)updates;
+    registers[NUMBER] = (uint16_t)number;
+    for (int i = 0; i < REGISTERS; i++)
+        registers[i] = modbus_word(s->order, registers[i]);
 }
 
 // ---- lines --------------------------------------------------------------------------------------
@@ -90,7 +130,6 @@ static void spoil_registers(struct slave *s, double seconds, uint16_t *registers
 static void prepare_modbus(struct slave *s) {
     CHECK(s->modbus);
     CHECK(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, s->capture) == 0);
-    modbus_set_slave(s->modbus, s->number);
     modbus_set_byte_timeout(s->modbus, 0, patience_us);
     // The pause that libmodbus makes, with all masters waiting, after a request that is none.
     modbus_set_response_timeout(s->modbus, 0, patience_us);
@@ -173,11 +212,23 @@ static double seconds_of(const struct slave *s) {
     return player_seconds(s->player, clock_now_ns());
 }
 
+static bool is_ours(const struct slave *s, int number) {
+    return number >= s->number && number < s->number + s->count;
+}
+
+// A gateway with several slaves knows who they are; a slave that is alone answers by any number.
+static int answer(struct slave *s, const uint8_t *request, int length, modbus_mapping_t *mapping) {
+    int number = request[modbus_get_header_length(s->modbus) - 1];
+    if (s->count > 1 && !is_ours(s, number))
+        return modbus_reply_exception(s->modbus, request, MODBUS_EXCEPTION_GATEWAY_TARGET);
+    return modbus_reply(s->modbus, request, length, mapping);
+}
+
 // What libmodbus answers, as bytes.
 static size_t encode_reply(struct slave *s, const uint8_t *request, int length,
                            modbus_mapping_t *mapping, uint8_t *out) {
     modbus_set_socket(s->modbus, s->capture[0]);
-    if (modbus_reply(s->modbus, request, length, mapping) <= 0)
+    if (answer(s, request, length, mapping) <= 0)
         return 0;
     ssize_t size = read(s->capture[1], out, MODBUS_MAX_ADU_LENGTH);
     return size < 0 ? 0 : (size_t)size;
@@ -192,12 +243,12 @@ static void reply(struct slave *s, int master, uint8_t *request, int length,
         return;
     const struct fault *late = faults_strike(s->faults, FAULT_MODBUS, FAULT_LATE, seconds);
     double time = faults_time(s->faults, FAULT_MODBUS, seconds);
-    set_registers(s, time, mapping->tab_registers);
-    spoil_registers(s, seconds, mapping->tab_registers);
+    set_registers(s, request[function - 1], time, seconds, mapping->tab_registers);
     if (faults_strike(s->faults, FAULT_MODBUS, FAULT_WRONG_SLAVE, seconds)) {
         request[function - 1]++;
         memset(mapping->tab_registers, 0, REGISTERS * sizeof(uint16_t));
     }
+    memcpy(mapping->tab_input_registers, mapping->tab_registers, REGISTERS * sizeof(uint16_t));
     if (faults_strike(s->faults, FAULT_MODBUS, FAULT_NEWER_VERSION, seconds))
         request[function] = unknown_function;
     size_t size = encode_reply(s, request, length, mapping, bytes);
@@ -228,17 +279,63 @@ static void drop_master(struct slave *s, int i) {
     s->masters[i] = s->masters[--s->master_count];
 }
 
+static speed_t speed_of(int baud) {
+    static const struct {
+        int baud;
+        speed_t speed;
+    } known[] = {{9600, B9600},   {19200, B19200},   {38400, B38400},
+                 {57600, B57600}, {115200, B115200}, {230400, B230400}};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (known[i].baud == baud)
+            return known[i].speed;
+    return B0;
+}
+
+bool slave_knows_baud(int baud) {
+    return speed_of(baud) != B0;
+}
+
+// Whether a master set the line as the slaves have it. (A pseudo terminal forgets the parity.)
+static bool is_line_right(const struct slave *s) {
+    struct termios line;
+    return !s->baud ||
+           (tcgetattr(s->other_end, &line) == 0 && cfgetospeed(&line) == speed_of(s->baud) &&
+            (line.c_cflag & CSTOPB ? 2 : 1) == s->stop_bits);
+}
+
+// Of any slave of the line: libmodbus reads for one slave only, so it is told which. 0: of none.
+static int receive_from_line(struct slave *s, int line, uint8_t *request) {
+    uint8_t bytes[MODBUS_MAX_ADU_LENGTH], rest[MODBUS_MAX_ADU_LENGTH];
+    struct pollfd ready = {.fd = line, .events = POLLIN};
+    size_t used = 0;
+    do {
+        ssize_t size = read(line, bytes + used, sizeof bytes - used);
+        if (size <= 0)
+            return -1;
+        used += (size_t)size;
+    } while (used < REQUEST_BYTES && poll(&ready, 1, PATIENCE_MS) > 0);
+    if (!is_ours(s, bytes[0]) || !is_line_right(s))
+        return 0;
+    CHECK(write(s->capture[1], bytes, used) == (ssize_t)used);
+    modbus_set_slave(s->modbus, bytes[0]);
+    modbus_set_socket(s->modbus, s->capture[0]);
+    int length = modbus_receive(s->modbus, request);
+    while (recv(s->capture[0], rest, sizeof rest, MSG_DONTWAIT) > 0)
+        ;
+    return length;
+}
+
 static void serve_master(struct slave *s, int i, modbus_mapping_t *mapping) {
     uint8_t request[MODBUS_MAX_ADU_LENGTH];
     bool tcp = s->listener >= 0;
     modbus_set_socket(s->modbus, s->masters[i]);
-    int length = modbus_receive(s->modbus, request);
+    int length =
+        tcp ? modbus_receive(s->modbus, request) : receive_from_line(s, s->masters[i], request);
     if (length > 0 && (!tcp || header_is_honest(request, length))) {
         reply(s, i, request, length, mapping);
     } else if (length && tcp) {
         drop_master(s, i);
     } else if (length < 0) {
-        modbus_flush(s->modbus);
         sleep_ms(1);
     }
 }
@@ -280,7 +377,7 @@ static bool plug(struct slave *s) {
 
 void *slave_run(void *slave) {
     struct slave *s = slave;
-    modbus_mapping_t *mapping = modbus_mapping_new(0, 0, REGISTERS, 0);
+    modbus_mapping_t *mapping = modbus_mapping_new(0, 0, REGISTERS, REGISTERS);
     CHECK(mapping);
     while (!atomic_load(s->stop))
         if (plug(s))

@@ -1,12 +1,14 @@
-// A Modbus slave, over TCP or on a serial line of its own (a pseudo terminal). Its registers are
-// listed in README.md.
+// Modbus slaves, over TCP (as behind a gateway) or on one serial line (a pseudo terminal). Their
+// registers are listed in README.md.
 #pragma once
 
 #include "base/result.h"
+#include "device/modbus_value.h"
 #include "faults.h"
 #include "player.h"
 
 #include <stdatomic.h>
+#include <stdbool.h>
 #include <stdint.h>
 
 #define SLAVE_MASTERS_MAX 8
@@ -14,8 +16,11 @@
 struct slave {
     const struct player *player;
     const atomic_bool *stop;
-    double update_hz; // how often the registers change
-    int number;       // the slave's id
+    double update_hz;  // how often the registers change
+    int number, count; // ids from `number` on
+    enum modbus_order order;
+    int baud; // what a master must set on the serial line to be heard; 0: anything
+    int stop_bits;
     struct faults *faults;
 
     struct _modbus *modbus; // what follows belongs to slave.c
@@ -32,6 +37,8 @@ enum result slave_listen(struct slave *slave, const char *address, struct error 
 // Makes a pseudo terminal and the symbolic link `path` to the end that a master opens. A link that
 // is there is replaced; anything else is RESULT_REFUSED. `path` is kept.
 enum result slave_open_terminal(struct slave *slave, const char *path, struct error *err);
+
+bool slave_knows_baud(int baud); // 9600 to 230400
 
 void *slave_run(void *slave);          // a thread: serves until *stop
 void slave_close(struct slave *slave); // nothing where it is not open

@@ -8,7 +8,8 @@
 #include <jansson.h>
 #include <stdio.h>
 
-// One line, TCP (HOST:PORT) or serial (a path): slaves 1 to `slaves`.
+// One line, TCP (HOST:PORT) or serial (a path): slaves 1 to `slaves`. Of a serial line the usual
+// settings are tried until a slave answers.
 enum result probe_modbus(const char *line, int slaves, FILE *config, json_t *out,
                          struct error *err);
 

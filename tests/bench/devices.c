@@ -165,6 +165,8 @@ enum result bench_devices(const struct bench_options *options, struct report *re
     enum result result = choose(options, chosen, report, err);
     if (result == RESULT_OK)
         result = bench_rates(chosen, options->quick ? 1.5 : 10, report, err);
+    if (result == RESULT_OK)
+        result = bench_slaves(chosen, options->quick, report, err);
     bool any = false;
     for (int i = 0; i < MOCKUP_LINES; i++)
         any |= chosen[i];

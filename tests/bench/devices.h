@@ -24,6 +24,10 @@ enum result line_open(const struct mockup *mockup, enum line line, double rate_h
 
 void sleep_until(int64_t time_ns); // on the monotonic clock
 
+// Two slaves of one line against one alone.
+enum result bench_slaves(const bool chosen[LINES], bool quick, struct report *report,
+                         struct error *err);
+
 // Each fault that the mock-up knows, one after the other, on all lines of it that are chosen, at
 // once.
 enum result bench_faults(const bool chosen[LINES], bool quick, struct report *report,

@@ -56,9 +56,9 @@ static void run_program(const struct mockup *m, const char *program, double rate
     path_in(m, "faults.ini", faults, sizeof faults);
     dup2(out_fd, STDOUT_FILENO);
     execl(program, program, "--motion", m->motion, "--modbus-tcp", "127.0.0.1:0", "--modbus-rtu",
-          m->serial, "--modbus-rate", rate, "--tracker", "127.0.0.1:0", "--rate", rate, "--faults",
-          faults, mockup_without_hid() ? (char *)NULL : "--hid", m->hid, "--hid-rate", rate,
-          (char *)NULL);
+          m->serial, "--slaves", "2", "--modbus-rate", rate, "--tracker", "127.0.0.1:0", "--rate",
+          rate, "--faults", faults, mockup_without_hid() ? (char *)NULL : "--hid", m->hid,
+          "--hid-rate", rate, (char *)NULL);
     _exit(127);
 }
 

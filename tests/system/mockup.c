@@ -5,6 +5,7 @@
 #include "device/runner.h"
 #include "device/socket.h"
 #include "folder.h"
+#include "mockup_program.h"
 #include "test.h"
 
 #include <signal.h>
@@ -17,71 +18,6 @@
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-static char folder[FOLDER_MAX];
-
-// ---- the program --------------------------------------------------------------------------------
-
-struct mockup {
-    pid_t pid;
-    char modbus_tcp[64], modbus_rtu[128], tracker[64]; // what it said, empty where it said nothing
-};
-
-static void keep_line(struct mockup *m, const char *line) {
-    if (sscanf(line, "modbus-tcp %63s", m->modbus_tcp) == 1 ||
-        sscanf(line, "modbus-rtu %127s", m->modbus_rtu) == 1 ||
-        sscanf(line, "tracker %63s", m->tracker) == 1)
-        return;
-    fail_msg("the mock-up says \"%s\"", line);
-}
-
-// Starts the program with `arguments`, ended by NULL, and reads as many lines as it should say.
-static struct mockup started(int lines, const char *const *arguments) {
-    const char *argv[32] = {MOCKUP};
-    int pipes[2], count = 1;
-    while (arguments[count - 1]) {
-        argv[count] = arguments[count - 1];
-        count++;
-    }
-    assert_int_equal(0, pipe(pipes));
-    struct mockup m = {.pid = fork()};
-    if (!m.pid) {
-        prctl(PR_SET_PDEATHSIG, SIGKILL);
-        dup2(pipes[1], STDOUT_FILENO);
-        close(pipes[0]);
-        close(pipes[1]);
-        execv(MOCKUP, (char *const *)argv);
-        _exit(127);
-    }
-    close(pipes[1]);
-    FILE *out = fdopen(pipes[0], "r");
-    char line[256];
-    for (int i = 0; i < lines; i++) {
-        assert_non_null(fgets(line, sizeof line, out));
-        keep_line(&m, line);
-    }
-    fclose(out);
-    return m;
-}
-
-#define start(lines, ...) started(lines, (const char *const[]){__VA_ARGS__, NULL})
-
-// Its exit code after the signal; -1 where it died of it.
-static int ended(struct mockup *m, int signal_number) {
-    int status;
-    if (signal_number)
-        kill(m->pid, signal_number);
-    assert_int_equal(m->pid, waitpid(m->pid, &status, 0));
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-static const char *in_folder(const char *name) {
-    static char paths[4][128];
-    static int next;
-    char *path = paths[next++ % 4];
-    snprintf(path, sizeof paths[0], "%s/%s", folder, name);
-    return path;
-}
 
 // A file with one fault; `value` NULL: none.
 static const char *faults(const char *who, const char *what, double at_s, double for_s,

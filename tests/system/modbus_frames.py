@@ -14,7 +14,7 @@ from arthron import Process, program, wait_until
 DATA = os.environ.get("ARTHRON_DATA") or os.path.join(os.environ["ARTHRON_SOURCE"], "..", "shared", "data")
 FRAMES = os.path.join(DATA, "protocol", "modbus_frames.csv")
 
-# The slave of the frames has registers from 0x160 and bits; ours has holding registers 0 to 9 only,
+# The slave of the frames has registers from 0x160 and bits; ours has registers 0 to 37 only,
 # so it must answer "no such address" (exception 2) where that one had values.
 NOT_IN_OUR_MAP = {
     "read_holding_3": ("8302", "holding registers from 0x160"),

@@ -109,6 +109,7 @@ struct walking {
     uint64_t left; // steps
     walk_step step;
     void *user;
+    bool begun;
 };
 
 static void tell_progress(const struct walk *walk) {
@@ -124,13 +125,21 @@ static bool on_step(void *user, const struct trace_record *record) {
     if (!is_wanted(w->walk->request, seconds))
         return true;
     tell_progress(w->walk);
+    w->begun = true;
     return w->left-- > 0 && w->step(w->user, record, seconds) && w->left > 0;
+}
+
+static bool on_remark(void *user, const struct remark *remark) {
+    const struct walking *w = user;
+    if (w->begun && w->walk->remark)
+        w->walk->remark(w->user, remark);
+    return true;
 }
 
 enum result walk_run(struct walk *walk, const struct contents *contents, walk_step step, void *user,
                      struct error *err) {
-    struct walking walking = {walk, contents->steps, step, user};
-    struct trace_player player = {.user = &walking, .step = on_step};
+    struct walking walking = {walk, contents->steps, step, user, false};
+    struct trace_player player = {.user = &walking, .step = on_step, .remark = on_remark};
     enum result result = open_trace(walk->request, &walk->reader, err);
     if (result != RESULT_OK)
         return result;

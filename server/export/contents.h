@@ -32,6 +32,8 @@ void bytes_text(const uint8_t *bytes, size_t count, char *out_text);
 // seen.
 struct walk {
     const struct export_request *request;
+    // Or NULL: the remarks between the steps that are exported.
+    void (*remark)(void *user, const struct remark *remark);
     struct trace_reader *reader; // of the pass that is on
     int pass, passes;            // of how many: set by the caller, for the progress
 };

@@ -1,5 +1,5 @@
-// Exports of a trace for other programs: a table (CSV), an image (EXR.md) and an
-// animated scene (glTF). The record stays the truth.
+// Exports of a trace for other programs: a table (CSV.md), an image (EXR.md), an animated scene
+// (GLTF.md) and a recording (MCAP.md). The record stays the truth.
 #pragma once
 
 #include "trace/trace.h"
@@ -33,3 +33,7 @@ enum result export_exr(const struct export_request *request, const char *path, s
 // RESULT_REFUSED where that is of another case, RESULT_LIMIT where the file would be too large,
 // RESULT_MISSING also where there is no step in the time asked for.
 enum result export_gltf(const struct export_request *request, const char *path, struct error *err);
+
+// Poses, joint, events, figures and meshes as messages with their times (MCAP.md). Without a scene
+// the meshes are left out. RESULT_REFUSED where that is of another case.
+enum result export_mcap(const struct export_request *request, const char *path, struct error *err);

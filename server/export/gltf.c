@@ -2,6 +2,7 @@
 #include "base/draft.h"
 #include "export/atlas.h"
 #include "export/landings.h"
+#include "export/look.h"
 #include "export/model.h"
 #include "export/tracks.h"
 
@@ -10,20 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define SHAFT_MM 130.0
-#define CONE_MM 4.0
-#define RADIUS_MM 1.5 // of a shaft whose settings say nothing else
-#define AROUND 12
 #define BESIDE_MM 250.0 // the mock-up, so that both knees are seen
-
-enum material {
-    MATERIAL_BONE,
-    MATERIAL_MENISCUS,
-    MATERIAL_LIGAMENT,
-    MATERIAL_SKIN,
-    MATERIAL_STEEL,
-    MATERIAL_COUNT
-};
 
 // A cut mesh, shown from one landing to the next.
 struct state {
@@ -37,7 +25,7 @@ struct animation {
     struct tracks tracks;
     struct model *model;
     int times; // the instants
-    int materials[MATERIAL_COUNT];
+    int materials[LOOK_COUNT];
     int nodes[TRACK_COUNT];
     struct mesh before[TISSUES_MAX]; // as it was before the first step
     int state_count;
@@ -48,26 +36,13 @@ struct animation {
 // ---- what there is ------------------------------------------------------------------------------
 
 static void make_materials(struct animation *animation) {
-    static const struct {
-        const char *name;
-        float rgba[4];
-    } looks[MATERIAL_COUNT] = {
-        [MATERIAL_BONE] = {"bone", {0.94F, 0.89F, 0.77F, 1}},
-        [MATERIAL_MENISCUS] = {"meniscus", {0.66F, 0.77F, 0.84F, 1}},
-        [MATERIAL_LIGAMENT] = {"ligament", {0.85F, 0.90F, 0.91F, 1}},
-        [MATERIAL_SKIN] = {"skin", {0.86F, 0.70F, 0.64F, 0.15F}},
-        [MATERIAL_STEEL] = {"instrument", {0.45F, 0.47F, 0.50F, 1}},
-    };
-    for (int i = 0; i < MATERIAL_COUNT; i++)
-        animation->materials[i] = model_material(animation->model, looks[i].name, looks[i].rgba);
+    for (int i = 0; i < LOOK_COUNT; i++)
+        animation->materials[i] =
+            model_material(animation->model, look_name((enum look)i), look_rgba((enum look)i));
 }
 
 static int material_of(const struct animation *animation, const struct case_group *group) {
-    if (case_group_is_skin(group))
-        return animation->materials[MATERIAL_SKIN];
-    if (group->cuttable || !strncmp(group->name, "meniscus", 8))
-        return animation->materials[MATERIAL_MENISCUS];
-    return animation->materials[group->bridges ? MATERIAL_LIGAMENT : MATERIAL_BONE];
+    return animation->materials[look_of_group(group)];
 }
 
 // z is up in the mock-up's frame, y in glTF.
@@ -78,37 +53,13 @@ static int make_root(struct animation *animation, const char *name, double x_mm)
     return node;
 }
 
-// A shaft along z that ends in a cone at the tip.
-static void make_instrument(double radius, struct mesh *mesh) {
-    mesh_init(mesh, 2 * AROUND + 2, 4 * AROUND);
-    uint32_t tip = 2 * AROUND, end = tip + 1, *t = mesh->triangles;
-    for (uint32_t i = 0; i < AROUND; i++) {
-        double angle = 2 * M_PI * i / AROUND, x = radius * cos(angle), y = radius * sin(angle);
-        uint32_t next = (i + 1) % AROUND;
-        mesh_set_vertex(mesh, i, (vec3){x, y, -CONE_MM});
-        mesh_set_vertex(mesh, AROUND + i, (vec3){x, y, -SHAFT_MM});
-        const uint32_t corners[12] = {i,          next, tip, AROUND + i,    AROUND + next, next,
-                                      AROUND + i, next, i,   AROUND + next, AROUND + i,    end};
-        memcpy(t + 12 * i, corners, sizeof corners);
-    }
-    mesh_set_vertex(mesh, tip, (vec3){0, 0, 0});
-    mesh_set_vertex(mesh, end, (vec3){0, 0, -SHAFT_MM});
-}
-
-static double radius_of(const struct instrument_body *body) {
-    double radius = RADIUS_MM;
-    for (int i = 0; i < body->point_count; i++)
-        radius = fmax(radius, body->points[i].radius_mm);
-    return radius;
-}
-
 static void add_instrument(struct animation *animation, int i, int seen, int mockup) {
     const char *name = channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i));
     char in_hand[32];
     struct mesh shape;
     snprintf(in_hand, sizeof in_hand, "mockup_%s", name);
-    make_instrument(radius_of(&animation->contents.header.settings.bodies[i]), &shape);
-    int made = model_mesh(animation->model, name, &shape, animation->materials[MATERIAL_STEEL]);
+    look_instrument(&animation->contents.header.settings.bodies[i], &shape);
+    int made = model_mesh(animation->model, name, &shape, animation->materials[LOOK_STEEL]);
     mesh_fini(&shape);
     animation->nodes[TRACK_WARPED + i] = model_node(animation->model, name, seen, made);
     animation->nodes[TRACK_HAND + i] = model_node(animation->model, in_hand, mockup, made);
@@ -173,7 +124,7 @@ static void add_state(struct animation *animation, int tissue, const struct mesh
     const struct case_group *group = &scene_case(scene)->groups[scene_tissue_group(scene, tissue)];
     char name[CASE_NAME_MAX + 24];
     snprintf(name, sizeof name, on_s > 0 ? "%s.%d" : "%s", group->name, animation->state_count);
-    int made = model_mesh(animation->model, name, mesh, animation->materials[MATERIAL_MENISCUS]);
+    int made = model_mesh(animation->model, name, mesh, animation->materials[LOOK_MENISCUS]);
     animation->states = alloc_resize(animation->states, (size_t)animation->state_count + 1,
                                      sizeof *animation->states);
     animation->states[animation->state_count] =

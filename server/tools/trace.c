@@ -18,7 +18,7 @@ static const struct {
     {"verify", command_verify, "checks that the file is whole, unchanged and signed"},
     {"replay", command_replay, "runs the session again: compares every step, or tries settings"},
     {"cut", command_cut, "writes a piece of a session as a trace"},
-    {"export", command_export, "writes the steps as a table, an image or an animated scene"},
+    {"export", command_export, "writes the steps as a table, an image, a scene or a recording"},
     {"score", command_score, "computes the metrics: time, paths, smoothness, contacts, resection"},
     {"picture", command_picture, "draws a meniscus after its cuts"},
     {"report", command_report, "writes a page: paths, warp, joint, resection, metrics"},

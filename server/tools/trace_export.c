@@ -8,8 +8,8 @@
 #include <sys/stat.h>
 
 static const char help[] =
-    "Usage: arthron-trace export FILE --csv OUT | --exr OUT | --gltf OUT [--columns LIST]\n"
-    "                                 [--from S] [--to S] [--case DIR]\n"
+    "Usage: arthron-trace export FILE --csv OUT | --exr OUT | --gltf OUT | --mcap OUT\n"
+    "                                 [--columns LIST] [--from S] [--to S] [--case DIR]\n"
     "\n"
     "Converts a session for other programs.\n"
     "\n"
@@ -19,15 +19,17 @@ static const char help[] =
     "                  maps of what each cut changed (server/export/EXR.md)\n"
     "  --gltf OUT      write an animated scene, GLB, for Blender and others\n"
     "                  (server/export/GLTF.md)\n"
+    "  --mcap OUT      write a recording, MCAP, for Foxglove, rerun and others\n"
+    "                  (server/export/MCAP.md)\n"
     "  --columns LIST  columns of the table, in this order: names or patterns, separated by "
     "commas,\n"
     "                  as 't_seconds,probe_t?_mm,*_time_ns'; '*' selects all of them. An unknown\n"
     "                  name is an error that lists all columns (server/export/CSV.md)\n"
     "  --from S        leave out everything before S seconds\n"
     "  --to S          leave out everything after S seconds\n"
-    "  --case DIR      the folder of the case, if it has moved. A table needs the case for names "
-    "of\n"
-    "                  groups, and an image for maps. A scene always needs it\n"
+    "  --case DIR      the folder of the case, if it has moved. A table needs the case for names\n"
+    "                  of groups, a recording for meshes, and an image for maps. A scene always\n"
+    "                  needs it\n"
     "\n"
     "The column 'input' names the input of each step. For one row for each frame, keep the rows\n"
     "with 'frame'. measured_NAME_time_ns is the time at which NAME was measured; use it to "
@@ -38,7 +40,7 @@ static const char help[] =
     "Exits 1 if the trace is not whole. Everything that can be read is written.\n";
 
 struct trace_export_request {
-    const char *csv, *exr, *gltf, *case_dir;
+    const char *csv, *exr, *gltf, *mcap, *case_dir;
     struct export_request export;
 };
 
@@ -66,23 +68,22 @@ static enum result write_table(struct trace_export_request *request, struct erro
     return result == RESULT_OK ? kept : result;
 }
 
-static void tell_unnamed(const char *why) {
-    fprintf(stderr, "arthron-trace export: the names of groups are left out: %s\n", why);
-}
-
-// The names of groups are in the case, not in the trace. A table does without a case that nobody
-// asked for.
-static enum result load_for_names(const struct trace_reader *reader, const char *case_dir,
-                                  struct scene **out_scene, struct error *err) {
+// What is in the case and not in the trace can be left out, but for a case that was asked for.
+static enum result load_if_there(const struct trace_reader *reader, const char *case_dir,
+                                 const char *what, struct scene **out_scene, struct error *err) {
     enum result result = load_scene(reader, case_dir, out_scene, err);
-    if (result != RESULT_OK) {
-        *out_scene = NULL;
-        if (case_dir)
-            return result;
-        tell_unnamed(err->text);
-    } else if (scene_case(*out_scene)->hash != trace_reader_header(reader)->case_hash) {
-        tell_unnamed("the case is not the one that the session was recorded with");
+    if (result == RESULT_OK &&
+        scene_case(*out_scene)->hash != trace_reader_header(reader)->case_hash) {
+        result =
+            fail(err, RESULT_REFUSED, "the case is not the one that the session was recorded with");
+        scene_destroy(out_scene);
     }
+    if (result == RESULT_OK)
+        return RESULT_OK;
+    *out_scene = NULL;
+    if (case_dir)
+        return result;
+    fprintf(stderr, "arthron-trace export: %s are left out: %s\n", what, err->text);
     return RESULT_OK;
 }
 
@@ -97,8 +98,9 @@ static enum result load_needed(struct trace_export_request *request, struct scen
         return result;
     if (request->exr)
         survey_read(reader, show_progress, &survey);
-    if (request->csv)
-        result = load_for_names(reader, request->case_dir, out_scene, err);
+    if (request->csv || request->mcap)
+        result = load_if_there(reader, request->case_dir,
+                               request->csv ? "the names of groups" : "meshes", out_scene, err);
     else if (survey.jobs || request->gltf || request->case_dir)
         result = load_scene(reader, request->case_dir, out_scene, err);
     trace_reader_destroy(&reader);
@@ -117,6 +119,7 @@ static int write_export(struct trace_export_request *request, const char *out) {
     if (result == RESULT_OK)
         result = request->csv    ? write_table(request, &err)
                  : request->gltf ? export_gltf(&request->export, request->gltf, &err)
+                 : request->mcap ? export_mcap(&request->export, request->mcap, &err)
                                  : export_exr(&request->export, request->exr, &err);
     scene_destroy(&scene);
     if (result != RESULT_OK)
@@ -143,6 +146,9 @@ static bool parse_option(int option, struct trace_export_request *request) {
     case 'g':
         request->gltf = optarg;
         return true;
+    case 'm':
+        request->mcap = optarg;
+        return true;
     case 'k':
         request->case_dir = optarg;
         return true;
@@ -163,15 +169,12 @@ static bool same_file(const char *a, const char *b) {
 }
 
 int command_export(int argc, char **argv) {
-    static const struct option options[] = {{"csv", required_argument, NULL, 'c'},
-                                            {"exr", required_argument, NULL, 'e'},
-                                            {"gltf", required_argument, NULL, 'g'},
-                                            {"from", required_argument, NULL, 'f'},
-                                            {"to", required_argument, NULL, 't'},
-                                            {"case", required_argument, NULL, 'k'},
-                                            {"columns", required_argument, NULL, 'n'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {NULL, 0, NULL, 0}};
+    static const struct option options[] = {
+        {"csv", required_argument, NULL, 'c'},  {"exr", required_argument, NULL, 'e'},
+        {"gltf", required_argument, NULL, 'g'}, {"mcap", required_argument, NULL, 'm'},
+        {"from", required_argument, NULL, 'f'}, {"to", required_argument, NULL, 't'},
+        {"case", required_argument, NULL, 'k'}, {"columns", required_argument, NULL, 'n'},
+        {"help", no_argument, NULL, 'h'},       {NULL, 0, NULL, 0}};
     struct trace_export_request request = {.export = {.from_s = -INFINITY,
                                                       .to_s = INFINITY,
                                                       .progress = show_progress,
@@ -184,11 +187,15 @@ int command_export(int argc, char **argv) {
     }
     if (take_file(argc, argv, &request.export.trace) != EXIT_GOOD)
         return EXIT_USAGE;
-    if (!!request.csv + !!request.exr + !!request.gltf != 1)
-        return usage_error(argv[0], "one of --csv OUT, --exr OUT and --gltf OUT is needed");
+    if (!!request.csv + !!request.exr + !!request.gltf + !!request.mcap != 1)
+        return usage_error(argv[0],
+                           "one of --csv OUT, --exr OUT, --gltf OUT and --mcap OUT is needed");
     if (request.export.columns && !request.csv)
         return usage_error(argv[0], "--columns needs --csv");
-    const char *out = request.csv ? request.csv : request.exr ? request.exr : request.gltf;
+    const char *out = request.csv    ? request.csv
+                      : request.exr  ? request.exr
+                      : request.gltf ? request.gltf
+                                     : request.mcap;
     if (same_file(request.export.trace, out))
         return usage_error(argv[0], "%s is the trace itself", out);
     return write_export(&request, out);

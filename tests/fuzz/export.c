@@ -84,6 +84,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     make_page(trace);
     make_file(&request, "a.exr", export_exr);
     make_file(&request, "a.glb", export_gltf);
+    make_file(&request, "a.mcap", export_mcap);
     free(mended);
     return 0;
 }

@@ -11,7 +11,7 @@ import tempfile
 import unittest
 
 from arthron import CASES, call, program
-from old_traces import unpack
+from old_traces import FITTED, unpack, unpack_trace
 
 
 class Exports(unittest.TestCase):
@@ -71,13 +71,17 @@ class Exports(unittest.TestCase):
                 self.assertEqual({bool(row[v]) for v in values if "handle" in name or "handle" not in v},
                                  {bool(row[name])})
 
-    def test_a_case_that_cannot_name_the_groups_is_told(self):
-        other = os.path.join(CASES, "healthy")
-        done = call("arthron-trace", "export", self.trace, "--csv", "-", "--case", other)
-        self.assertIn("names of groups are left out: the case is not the one", done.stderr)
+    def test_another_case_is_refused_and_one_that_is_not_there_is_told(self):
+        for option in ("--csv", "--mcap"):
+            refused = call("arthron-trace", "export", self.trace, option, "-", "--case", os.path.join(CASES, "healthy"),
+                           code=1)
+            self.assertIn("the case is not the one that the session was recorded with", refused.stderr)
+            refused = call("arthron-trace", "export", self.trace, option, "-", "--case", self.folder.name, code=1)
+            self.assertIn("case.json", refused.stderr)
+        with tempfile.TemporaryDirectory(prefix="arthron-test-") as folder:
+            done = call("arthron-trace", "export", unpack_trace(FITTED, folder), "--csv", "-")  # names no folder
+        self.assertIn("the names of groups are left out: the case", done.stderr)
         self.assertEqual({row["landed_group"] for row in csv.DictReader(io.StringIO(done.stdout))}, {""})
-        refused = call("arthron-trace", "export", self.trace, "--csv", "-", "--case", self.folder.name, code=1)
-        self.assertIn("case.json", refused.stderr)
 
     def test_an_undo_has_no_move(self):
         undone = [row for row in self.table() if row["job_kind"] == "undo"]
@@ -88,7 +92,7 @@ class Exports(unittest.TestCase):
 
     def test_a_time_in_which_there_is_nothing_is_refused_and_leaves_no_file(self):
         out = os.path.join(self.folder.name, "none")
-        for option in ("--csv", "--exr", "--gltf"):
+        for option in ("--csv", "--exr", "--gltf", "--mcap"):
             refused = call("arthron-trace", "export", self.trace, "--case", self.case, option, out, "--from", "100",
                            code=1)
             self.assertIn("no step in that time", refused.stderr)
@@ -107,7 +111,7 @@ class Exports(unittest.TestCase):
             resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
 
         for arguments in (["export", self.trace, "--csv", out], ["export", self.trace, "--exr", out],
-                          ["export", self.trace, "--gltf", out], ["report", self.trace, "--out", out],
+                          ["export", self.trace, "--gltf", out], ["export", self.trace, "--mcap", out], ["report", self.trace, "--out", out],
                           ["picture", self.trace, "--out", out]):
             with open(out, "w") as f:
                 f.write("before")

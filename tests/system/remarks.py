@@ -43,6 +43,11 @@ class Remarks(SystemTest):
         call("arthron-trace", "verify", trace)
         self.assertEqual(figures_of(trace), figures_of_info(trace))
         self.assertEqual(figures_of(trace)["resumes"], 1)
+        recording = trace + ".mcap"
+        call("arthron-trace", "export", trace, "--mcap", recording)
+        with open(recording, "rb") as f:
+            said = f.read()
+        self.assertTrue("Lift the hand – slowly".encode() in said and b"Better" in said)
 
     def test_a_note_says_something_and_needs_a_session(self):
         self.assertIn("one line", self.session_command("note", "room-1", "", code=1)["text"])

@@ -1,0 +1,353 @@
+#include "base/check.h"
+#include "export/export.h"
+#include "export/inputs.h"
+#include "export/landings.h"
+#include "export/look.h"
+#include "export/mcap.h"
+#include "export/mcap_messages.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define FRAME_MOCKUP "mockup"
+#define NAME_ROOM (CASE_NAME_MAX + 32)
+
+// A frame of reference that moves in the mock-up's. Its name is that of its columns in a table.
+struct moving_frame {
+    char name[NAME_ROOM];
+    uint16_t channel;
+};
+
+// A tissue after a cut.
+struct cut_mesh_state {
+    uint64_t step;
+    int tissue;
+    struct mesh mesh;
+};
+
+struct schemas {
+    uint16_t transform, scene, log, joint, instrument, resection;
+};
+
+struct recording {
+    struct walk walk;
+    struct contents contents;
+    struct mcap *mcap;
+    struct message message;
+    struct schemas schemas;
+    struct moving_frame bones[2][BODY_COUNT];       // physical, virtual
+    struct moving_frame tools[2][INSTRUMENT_COUNT]; // as measured, as shown
+    uint16_t tool_meshes[2][INSTRUMENT_COUNT];      // channels
+    uint16_t group_meshes[2][CASE_GROUPS_MAX];      // physical, virtual
+    uint16_t instruments[INSTRUMENT_COUNT], tissues[TISSUES_MAX];
+    uint16_t joint, events, remarks;
+    struct mesh before[TISSUES_MAX]; // as it was before the first step
+    struct cut_mesh_state *cuts;
+    int cut_count, next_cut;
+    bool begun, shown[INSTRUMENT_COUNT];
+};
+
+static const struct knee_case *case_of(const struct recording *r) {
+    return r->walk.request->scene ? scene_case(r->walk.request->scene) : NULL;
+}
+
+static uint64_t utc_of(const struct recording *r, int64_t time_ns) {
+    const struct trace_header *h = &r->contents.header;
+    int64_t utc_ns = (int64_t)((uint64_t)h->start_utc_ns + (uint64_t)(time_ns - h->start_ns));
+    return utc_ns < 0 ? 0 : (uint64_t)utc_ns;
+}
+
+// ---- what there is ------------------------------------------------------------------------------
+
+static uint16_t add_channel(struct recording *r, uint16_t schema, const char *folder,
+                            const char *name) {
+    char topic[NAME_ROOM + 32];
+    snprintf(topic, sizeof topic, "%s%s", folder, name);
+    return mcap_channel(r->mcap, schema, topic);
+}
+
+static void add_frame(struct recording *r, struct moving_frame *frame, const char *before,
+                      const char *name, const char *after) {
+    snprintf(frame->name, sizeof frame->name, "%s%s%s", before, name, after);
+    frame->channel = add_channel(r, r->schemas.transform, "/pose/", frame->name);
+}
+
+static void add_schemas(struct recording *r) {
+    struct {
+        const char *name;
+        uint16_t *out;
+    } all[] = {{"foxglove.FrameTransform", &r->schemas.transform},
+               {"foxglove.SceneUpdate", &r->schemas.scene},
+               {"foxglove.Log", &r->schemas.log},
+               {"arthron.session.Joint", &r->schemas.joint},
+               {"arthron.session.Instrument", &r->schemas.instrument},
+               {"arthron.session.Resection", &r->schemas.resection}};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        *all[i].out = mcap_schema(r->mcap, all[i].name, mcap_schemas, mcap_schemas_size);
+}
+
+static void add_tool(struct recording *r, int i) {
+    const char *name = channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i));
+    add_frame(r, &r->tools[0][i], "", name, "");
+    add_frame(r, &r->tools[1][i], "", name, "_warped");
+    for (int shown = 0; shown < 2; shown++)
+        r->tool_meshes[shown][i] =
+            add_channel(r, r->schemas.scene, "/mesh/instrument/", r->tools[shown][i].name);
+    r->instruments[i] = add_channel(r, r->schemas.instrument, "/instrument/", name);
+}
+
+static void add_groups(struct recording *r) {
+    const struct knee_case *knee = case_of(r);
+    for (int i = 0; knee && i < knee->group_count; i++) {
+        r->group_meshes[0][i] =
+            add_channel(r, r->schemas.scene, "/mesh/mockup/", knee->groups[i].name);
+        r->group_meshes[1][i] =
+            add_channel(r, r->schemas.scene, "/mesh/patient/", knee->groups[i].name);
+    }
+}
+
+static void add_tissues(struct recording *r) {
+    const struct scene *scene = r->walk.request->scene;
+    for (int i = 0; i < (scene ? scene_tissue_count(scene) : TISSUES_MAX); i++) {
+        char number[16];
+        snprintf(number, sizeof number, "%d", i);
+        const char *name = scene ? case_of(r)->groups[scene_tissue_group(scene, i)].name : number;
+        r->tissues[i] = add_channel(r, r->schemas.resection, "/resection/", name);
+    }
+}
+
+static void add_channels(struct recording *r) {
+    add_schemas(r);
+    for (int i = 0; i < BODY_COUNT; i++) {
+        add_frame(r, &r->bones[0][i], "", body_name((enum body)i), "");
+        add_frame(r, &r->bones[1][i], "virtual_", body_name((enum body)i), "");
+    }
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (r->contents.present[i])
+            add_tool(r, i);
+    r->joint = add_channel(r, r->schemas.joint, "/", "joint");
+    r->events = add_channel(r, r->schemas.log, "/", "events");
+    r->remarks = add_channel(r, r->schemas.log, "/", "remarks");
+    add_groups(r);
+    if (r->contents.landed)
+        add_tissues(r);
+}
+
+static void describe(struct recording *r) {
+    const struct trace_header *h = &r->contents.header;
+    char session[2 * sizeof h->session_id + 1], hash[2 * TRACE_HASH_SIZE + 1];
+    bytes_text(h->session_id, sizeof h->session_id, session);
+    bytes_text(r->contents.hash, sizeof r->contents.hash, hash);
+    const char *const pairs[] = {"session", session,      "station",    h->station,
+                                 "case",    h->case_name, "trace_hash", hash};
+    mcap_metadata(r->mcap, "arthron", pairs, sizeof pairs / sizeof *pairs / 2);
+}
+
+// ---- tissue that is cut -------------------------------------------------------------------------
+
+static void take_mesh(const struct operation *operation, int tissue, struct mesh *out_mesh) {
+    mesh_fini(out_mesh);
+    cut_mesh_flatten(operation_mesh(operation, tissue), out_mesh, NULL, NULL);
+}
+
+static void take_start(void *context, const struct operation *operation) {
+    struct recording *r = context;
+    for (int i = 0; i < scene_tissue_count(r->walk.request->scene); i++)
+        take_mesh(operation, i, &r->before[i]);
+}
+
+static void take_landing(void *context, struct landing *landing,
+                         const struct operation *operation) {
+    struct recording *r = context;
+    int tissue = landing->result->tissue;
+    if (!landing->wanted)
+        return take_mesh(operation, tissue, &r->before[tissue]);
+    r->cuts = alloc_resize(r->cuts, (size_t)r->cut_count + 1, sizeof *r->cuts);
+    struct cut_mesh_state *cut = &r->cuts[r->cut_count++];
+    *cut = (struct cut_mesh_state){.step = landing->step, .tissue = tissue};
+    take_mesh(operation, tissue, &cut->mesh);
+}
+
+// ---- messages -----------------------------------------------------------------------------------
+
+static void send(struct recording *r, uint16_t channel, uint64_t utc_ns) {
+    mcap_message(r->mcap, channel, utc_ns, r->message.data, r->message.size);
+}
+
+static void send_pose(struct recording *r, uint64_t utc_ns, const struct moving_frame *frame,
+                      pose p) {
+    message_transform(&r->message, utc_ns, FRAME_MOCKUP, frame->name, p);
+    send(r, frame->channel, utc_ns);
+}
+
+// The virtual surface of a group, or the given mesh of it.
+static void send_group(struct recording *r, uint64_t utc_ns, int group, bool is_virtual,
+                       const struct mesh *mesh) {
+    const struct case_group *g = &case_of(r)->groups[group];
+    message_mesh(&r->message, utc_ns, r->bones[is_virtual][g->body].name, g->name, mesh,
+                 look_rgba(look_of_group(g)));
+    send(r, r->group_meshes[is_virtual][group], utc_ns);
+}
+
+static void send_tissue(struct recording *r, uint64_t utc_ns, int tissue, const struct mesh *mesh) {
+    send_group(r, utc_ns, scene_tissue_group(r->walk.request->scene, tissue), true, mesh);
+}
+
+// All that does not change; tissue that is cut as it was before.
+static void send_groups(struct recording *r, uint64_t utc_ns) {
+    const struct knee_case *knee = case_of(r);
+    if (!knee)
+        return;
+    for (int i = 0; i < knee->group_count; i++) {
+        struct mesh mesh;
+        send_group(r, utc_ns, i, false, &knee->groups[i].mesh);
+        if (knee->groups[i].cuttable)
+            continue;
+        case_group_virtual(&knee->groups[i], &mesh);
+        send_group(r, utc_ns, i, true, &mesh);
+        mesh_fini(&mesh);
+    }
+    for (int i = 0; i < scene_tissue_count(r->walk.request->scene); i++)
+        send_tissue(r, utc_ns, i, &r->before[i]);
+}
+
+// When an instrument comes, and when it goes.
+static void send_tool_meshes(struct recording *r, uint64_t utc_ns, int i, bool present) {
+    if (r->begun && present == r->shown[i])
+        return;
+    r->shown[i] = present;
+    for (int shown = 0; shown < 2; shown++) {
+        const char *name = r->tools[shown][i].name;
+        struct mesh mesh;
+        look_instrument(&r->contents.header.settings.bodies[i], &mesh);
+        if (present)
+            message_mesh(&r->message, utc_ns, name, name, &mesh, look_rgba(LOOK_STEEL));
+        else
+            message_no_mesh(&r->message, utc_ns, name);
+        mesh_fini(&mesh);
+        send(r, r->tool_meshes[shown][i], utc_ns);
+    }
+}
+
+static const char *nearest_name_of(const struct recording *r, const struct warp *warp) {
+    const struct knee_case *knee = case_of(r);
+    return knee && warp->nearest >= 0 && warp->nearest < knee->group_count
+               ? knee->groups[warp->nearest].name
+               : "";
+}
+
+static void send_tool(struct recording *r, uint64_t utc_ns, const struct input_row *row, int i,
+                      const struct instrument_output *o) {
+    if (!r->contents.present[i])
+        return;
+    send_tool_meshes(r, utc_ns, i, o->present);
+    if (!o->present)
+        return;
+    int channel = CHANNEL_FIRST_INSTRUMENT + i;
+    uint64_t measured_ns = utc_of(r, row->samples[channel][SAMPLE_POSE].time_ns);
+    send_pose(r, utc_ns, &r->tools[0][i], o->T_mockup_tip);
+    send_pose(r, utc_ns, &r->tools[1][i], o->T_mockup_warped);
+    message_instrument(&r->message, utc_ns,
+                       row->sampled[channel][SAMPLE_POSE] ? &measured_ns : NULL,
+                       nearest_name_of(r, &o->warp), o);
+    send(r, r->instruments[i], utc_ns);
+}
+
+static void send_events(struct recording *r, uint64_t utc_ns, const struct session_output *o) {
+    const uint32_t warnings = EVENT_DEVICE_LOST | EVENT_REFUSED;
+    for (int i = 0; i < EVENT_COUNT; i++) {
+        uint32_t event = 1U << i;
+        if (!(o->events & event))
+            continue;
+        const char *text = event == EVENT_STATE ? session_state_name(o->state) : event_name(i);
+        message_log(&r->message, utc_ns, event & warnings, text, event_name(i));
+        send(r, r->events, utc_ns);
+    }
+}
+
+static void send_landed(struct recording *r, uint64_t utc_ns, const struct session_output *o) {
+    for (; r->next_cut < r->cut_count && r->cuts[r->next_cut].step <= o->step; r->next_cut++) {
+        struct cut_mesh_state *cut = &r->cuts[r->next_cut];
+        send_tissue(r, utc_ns, cut->tissue, &cut->mesh);
+        mesh_fini(&cut->mesh);
+    }
+    if (!o->landed.job)
+        return;
+    message_resection(&r->message, utc_ns, &o->landed);
+    send(r, r->tissues[o->landed.tissue], utc_ns);
+}
+
+static bool on_step(void *user, const struct trace_record *record, double seconds) {
+    struct recording *r = user;
+    const struct session_output *o = &record->output;
+    uint64_t utc_ns = utc_of(r, o->time_ns);
+    struct input_row row;
+    (void)seconds;
+    input_row_of(record, &row);
+    for (int i = 0; i < BODY_COUNT; i++) {
+        send_pose(r, utc_ns, &r->bones[0][i], o->T_mockup_body[i]);
+        send_pose(r, utc_ns, &r->bones[1][i], o->T_mockup_virtual[i]);
+    }
+    if (!r->begun)
+        send_groups(r, utc_ns);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        send_tool(r, utc_ns, &row, i, &o->instruments[i]);
+    message_joint(&r->message, utc_ns, o);
+    send(r, r->joint, utc_ns);
+    send_events(r, utc_ns, o);
+    send_landed(r, utc_ns, o);
+    r->begun = true;
+    return true;
+}
+
+static void on_remark(void *user, const struct remark *remark) {
+    struct recording *r = user;
+    uint64_t utc_ns = utc_of(r, remark->time_ns);
+    char text[REMARK_TEXT_MAX + 64];
+    if (remark->has_marker)
+        snprintf(text, sizeof text, "%s [touch %.1f %.1f %.1f mm of the %s]", remark->text,
+                 remark->point.x, remark->point.y, remark->point.z, body_name(remark->body));
+    else
+        snprintf(text, sizeof text, "%s%s", remark->text, remark->withdrawn ? " [withdrawn]" : "");
+    message_log(&r->message, utc_ns, false, text, remark->author);
+    send(r, r->remarks, utc_ns);
+}
+
+// ---- the file -----------------------------------------------------------------------------------
+
+static enum result read_cuts(struct recording *r, struct error *err) {
+    struct landing_watcher watcher = {r, take_start, take_landing};
+    if (!r->walk.request->scene)
+        return RESULT_OK;
+    return landings_run(&r->walk, &watcher, err);
+}
+
+static enum result write_file(struct recording *r, const char *path, struct error *err) {
+    enum result result = mcap_create(path, "arthron " ARTHRON_VERSION, &r->mcap, err);
+    if (result != RESULT_OK)
+        return result;
+    describe(r);
+    add_channels(r);
+    r->walk.remark = on_remark;
+    result = walk_run(&r->walk, &r->contents, on_step, r, err);
+    if (result == RESULT_OK)
+        return mcap_finish(&r->mcap, err);
+    mcap_abandon(&r->mcap);
+    return result;
+}
+
+enum result export_mcap(const struct export_request *request, const char *path, struct error *err) {
+    struct recording r = {.walk = {.request = request, .passes = request->scene ? 2 : 1}};
+    enum result result = contents_read(request, &r.contents, err);
+    if (result == RESULT_OK)
+        result = read_cuts(&r, err);
+    if (result == RESULT_OK)
+        result = write_file(&r, path, err);
+    for (int i = 0; i < TISSUES_MAX; i++)
+        mesh_fini(&r.before[i]);
+    for (int i = 0; i < r.cut_count; i++)
+        mesh_fini(&r.cuts[i].mesh);
+    free(r.cuts);
+    message_fini(&r.message);
+    return result == RESULT_OK ? contents_end(&r.contents, err) : result;
+}

@@ -346,6 +346,16 @@ class Crawl(Hall, Siege):
             self.assertEqual(told[1], told[2])
             self.assertEqual(told[1][-1], (NOT_THERE, "there is no session NAME that you may see"))
             self.assertEqual(told[0] == told[1], who == "technician", "a trainee sees their own")
+        readers = [self.names["instructor"]] if who == "instructor" else []
+        self.assertEqual([self.readers(name) for name in (own, others)], [readers] * 2)
+
+    def readers(self, session):
+        """Who has played or read this session of somebody else's, as the audit log says."""
+        with sqlite3.connect(self.db, timeout=20) as db:
+            rows = db.execute("SELECT actor FROM audit WHERE action = 'read' AND subject = ?", ("session " + session,))
+            found = [actor for actor, in rows]
+        db.close()
+        return found
 
     def recorded(self, page, name):
         page.watch(RECORDED, session=name)

@@ -130,7 +130,7 @@ class Port(Siege):
         steps = self.summary(others)
         self.figure(f"{name}: round trip of another station, p50 and p99",
                     f"{steps['rtt_us']['p50']:.0f} and {steps['rtt_us']['p99']:.0f}", "us")
-        self.figure(f"{name}: its poses sent, lost", f"{steps['poses_sent']}, {steps['lost']}")
+        self.figure(f"{name}: its poses sent, unanswered", f"{steps['poses_sent']}, {steps['unanswered']}")
         self.figure(f"{name}: growth of the log", os.path.getsize(self.server.log_path) - log_bytes, "bytes")
         self.assertIsNotNone(back_s, self.back.log())
         self.assertLess(back_s, BACK_S)

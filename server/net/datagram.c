@@ -407,8 +407,8 @@ static void queue(struct datagram_endpoint *endpoint, struct datagram_connection
     out->headers[i].msg_hdr.msg_namelen = c->present.size;
 }
 
-// Without its counts of events where they are what makes it too long, and then without a challenge:
-// the next reply has it too.
+// Without its counts of frames where they are what makes it too long, then without those of events,
+// and then without a challenge: the next reply has it too.
 static enum result encode_within(const arthron_Reply *reply, uint64_t challenge, uint8_t *message,
                                  size_t limit, size_t *out_size) {
     if (!challenge && wire_encode_reply(reply, message, limit, out_size) == RESULT_OK)
@@ -416,6 +416,9 @@ static enum result encode_within(const arthron_Reply *reply, uint64_t challenge,
     arthron_Reply other = *reply;
     other.path_challenge = challenge;
     if (challenge && wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)
+        return RESULT_OK;
+    other.has_frames_lost = other.has_frames_late = false;
+    if (wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)
         return RESULT_OK;
     other.event_counts_count = 0;
     if (wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)

@@ -47,6 +47,11 @@ static void watch_drift(const struct worker *worker, struct station_runtime *sta
 
 // ---- one frame ----------------------------------------------------------------------------------
 
+static void count_lost(struct station_runtime *station, uint64_t lost) {
+    count(&station->counts.frames_lost, lost);
+    station->frames_lost += (uint32_t)lost;
+}
+
 // A frame that is beyond the station's share is left out, and no lost one.
 static bool is_in_share(struct worker *worker, struct station_runtime *station,
                         int64_t received_ns) {
@@ -69,7 +74,7 @@ static bool accept_frame(struct worker *worker, struct station_runtime *station,
     }
     uint64_t lost;
     enum frame_place place = frame_order_note(&station->order, frame->number, received_ns, &lost);
-    count(&station->counts.frames_lost, lost);
+    count_lost(station, lost);
     switch (place) {
     case FRAME_NEWEST:
         if (!is_in_share(worker, station, received_ns))
@@ -78,6 +83,7 @@ static bool accept_frame(struct worker *worker, struct station_runtime *station,
         return true;
     case FRAME_LATE:
         count(&station->counts.frames_late, 1);
+        station->frames_late++;
         late_frames_keep(&station->late, frame);
         return false;
     case FRAME_OLD:
@@ -91,13 +97,13 @@ static bool accept_frame(struct worker *worker, struct station_runtime *station,
 }
 
 void frames_end_order(struct station_runtime *station) {
-    count(&station->counts.frames_lost, frame_order_end(&station->order));
+    count_lost(station, frame_order_end(&station->order));
     memset(&station->late, 0, sizeof station->late);
     memset(&station->bridge, 0, sizeof station->bridge);
 }
 
 void frames_settle(struct station_runtime *station) {
-    count(&station->counts.frames_lost, frame_order_settle(&station->order, clock_now_ns()));
+    count_lost(station, frame_order_settle(&station->order, clock_now_ns()));
 }
 
 static void onto_session_clock(struct frame *frame, int64_t offset_ns) {
@@ -153,6 +159,12 @@ static void end_pause(struct station_counts *counts, int64_t received_ns) {
         atomic_store_explicit(&counts->pause_ns, pause_ns, memory_order_relaxed);
 }
 
+static void tell_frames(struct station_runtime *station) {
+    station->reply.has_frames_lost = station->reply.has_frames_late = true;
+    station->reply.frames_lost = station->frames_lost;
+    station->reply.frames_late = station->frames_late;
+}
+
 static void take_frame(struct worker *worker, struct station_runtime *station, enum reply_path path,
                        struct frame *frame, int64_t received_ns) {
     if (path == PATH_DATAGRAM)
@@ -176,6 +188,7 @@ static void take_frame(struct worker *worker, struct station_runtime *station, e
     watch_drift(worker, station, &output);
     reply_from_output(&output, knee, frame->number, frame->time_ns, &station->reply);
     take_events(station);
+    tell_frames(station);
     answer(worker, station, path);
 }
 

@@ -67,6 +67,7 @@ struct station_runtime {
     arthron_Reply reply;                // to the newest frame
     uint32_t events;                    // of all steps since
     uint32_t event_counts[EVENT_COUNT]; // of each bit, since the connection began
+    uint32_t frames_lost, frames_late;  // since then
     int64_t last_step_ns, last_frame_ns;
     int64_t metrics_ns; // of the session's clock, when metrics were last published
     struct {

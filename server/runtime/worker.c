@@ -45,6 +45,7 @@ static void station_joined(struct worker *worker, struct station_runtime *statio
     forget_keys(worker, station);
     frames_end_order(station);
     station->reply.frame_number = 0;
+    station->frames_lost = station->frames_late = 0;
     for (int bit = 0; bit < EVENT_COUNT; bit++) // those that no reply has told yet are its first
         station->event_counts[bit] = station->events >> bit & 1;
     frames_begin_pause(station);

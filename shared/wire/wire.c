@@ -40,7 +40,9 @@ _Static_assert(arthron_Page_size <= WIRE_PAGE_MAX, "every message of a page is w
 #define INSTRUMENT_SIZE (arthron_WarpedInstrument_size + REPEATED_OVERHEAD)
 #define COUNTS_SIZE (sizeof((arthron_Reply){0}.event_counts) / sizeof(uint32_t) * 6)
 #define CHALLENGE_SIZE 9
-#define REPLY_SIZE (arthron_Reply_size - COUNTS_SIZE - CHALLENGE_SIZE) // these where there is room
+#define FRAMES_SIZE 12 // lost ones and late ones
+#define REPLY_SIZE                                                                                 \
+    (arthron_Reply_size - COUNTS_SIZE - CHALLENGE_SIZE - FRAMES_SIZE) // these where there is room
 #define REPLY_EMPTY_SIZE (REPLY_SIZE - INSTRUMENT_COUNT * INSTRUMENT_SIZE)
 #define PADDING_OVERHEAD 3
 

@@ -28,6 +28,11 @@ struct loop {
     struct view *view; // NULL: there is none
     uint64_t session_seen;
     uint64_t sent, warped;
+    struct tally { // of the server's, which begins anew with each connection
+        uint32_t told;
+        uint64_t all;
+    } lost, late;
+    uint64_t connection;
     struct meter whole, second; // round trips: since the start, since the last live line
     uint64_t warped_second;
     uint64_t holds_logged; // of which connection
@@ -40,6 +45,9 @@ static void follow_session(struct loop *loop) {
     struct link_session s;
     if (!link_get_session(loop->link, &loop->session_seen, &s))
         return;
+    if (s.connection != loop->connection)
+        loop->lost.told = loop->late.told = 0;
+    loop->connection = s.connection;
     predict_connection(loop->predict, s.connection);
     predict_session(loop->predict, s.state, s.case_name, s.case_hash, s.has_knee ? &s.knee : NULL);
 }
@@ -63,12 +71,24 @@ static void send_frame(struct loop *loop) {
     show(loop);
 }
 
+static void take_count(struct tally *tally, uint32_t told) {
+    int32_t more = (int32_t)(told - tally->told);
+    if (more <= 0) // an older reply
+        return;
+    tally->all += (uint32_t)more;
+    tally->told = told;
+}
+
 static void take_reply(struct loop *loop, const arthron_Reply *reply) {
     int64_t round_trip_ns = clock_now_ns() - reply->frame_time_ns;
     meter_add(&loop->whole, round_trip_ns);
     meter_add(&loop->second, round_trip_ns);
     loop->warped++;
     loop->warped_second++;
+    if (reply->has_frames_lost)
+        take_count(&loop->lost, reply->frames_lost);
+    if (reply->has_frames_late)
+        take_count(&loop->late, reply->frames_late);
     predict_reply(loop->predict, reply);
 }
 
@@ -100,6 +120,10 @@ static double filter_latency_ms(struct loop *loop) {
     return most;
 }
 
+static uint64_t count_unanswered(const struct loop *loop) {
+    return loop->sent > loop->warped ? loop->sent - loop->warped : 0;
+}
+
 static void print_live(struct loop *loop) {
     struct link_status status;
     link_get_status(loop->link, &status);
@@ -112,8 +136,8 @@ static void print_live(struct loop *loop) {
            "%s  %s%s%s\n",
            loop->warped_second, meter_percentile_us(&loop->second, 0.5),
            meter_percentile_us(&loop->second, 0.99), predict_warp_mm(loop->predict),
-           loop->sent > loop->warped ? loop->sent - loop->warped : 0, filter,
-           path_name(status.path), status.refusal[0] ? ": " : "", status.refusal);
+           count_unanswered(loop), filter, path_name(status.path), status.refusal[0] ? ": " : "",
+           status.refusal);
     fflush(stdout);
 }
 
@@ -186,15 +210,19 @@ static void print_summary(const struct loop *loop) {
     double p99 = meter_percentile_us(&loop->whole, 0.99);
     double max = (double)loop->whole.max_ns / 1e3;
     if (!loop->options->json) {
-        log_info("station", "%" PRIu64 " poses sent, %" PRIu64 " warped, round trip %.0f us p50",
-                 loop->sent, loop->warped, p50);
+        log_info("station",
+                 "%" PRIu64 " poses sent, %" PRIu64 " warped, %" PRIu64 " unanswered (%" PRIu64
+                 " lost on their way, %" PRIu64 " late), round trip %.0f us p50",
+                 loop->sent, loop->warped, count_unanswered(loop), loop->lost.all, loop->late.all,
+                 p50);
         log_tissues(loop->link);
         return;
     }
-    json_t *summary = json_pack("{s:I, s:I, s:I, s:{s:f, s:f, s:f}, s:o}", "poses_sent",
-                                (json_int_t)loop->sent, "poses_warped", (json_int_t)loop->warped,
-                                "lost", (json_int_t)(loop->sent - loop->warped), "rtt_us", "p50",
-                                p50, "p99", p99, "max", max, "meshes", tissues_as_json(loop->link));
+    json_t *summary = json_pack(
+        "{s:I, s:I, s:I, s:I, s:I, s:{s:f, s:f, s:f}, s:o}", "poses_sent", (json_int_t)loop->sent,
+        "poses_warped", (json_int_t)loop->warped, "unanswered", (json_int_t)count_unanswered(loop),
+        "lost", (json_int_t)loop->lost.all, "late", (json_int_t)loop->late.all, "rtt_us", "p50",
+        p50, "p99", p99, "max", max, "meshes", tissues_as_json(loop->link));
     json_dumpf(summary, stdout, JSON_COMPACT);
     putchar('\n');
     json_decref(summary);

@@ -18,8 +18,9 @@ static const char help[] =
     "  -c, --config FILE            the config (docs/CONFIG.md)\n"
     "  -s, --set SECTION.KEY=VALUE  replaces a value of the config\n"
     "  -t, --seconds N              ends after N seconds\n"
-    "  -l, --live                   prints a line each second: poses, round trip, warp, lost "
-    "replies\n"
+    "  -l, --live                   prints a line each second: poses, round trip, warp, "
+    "unanswered\n"
+    "                               poses\n"
     "  -j, --json                   prints one line of JSON at the end\n"
     "  -v, --verbose                logs more\n"
     "      --help                   show this\n";

@@ -353,6 +353,8 @@ static void a_reply_gives_up_its_counts_before_it_is_too_long(void **state) {
     wire_encode_reply(&reply, message, sizeof message, &without);
     reply.event_counts_count = 9;
     reply.event_counts[8] = 300;
+    reply.has_frames_lost = true;
+    reply.frames_lost = 70000;
     wire_encode_reply(&reply, message, sizeof message, &with);
     for (uint64_t number = 1; number <= 2; number++) {
         bool fits = number == 2;
@@ -365,6 +367,8 @@ static void a_reply_gives_up_its_counts_before_it_is_too_long(void **state) {
         assert_int_equal(heard.frame_number, number);
         assert_int_equal(heard.event_counts_count, fits ? 9 : 0);
         assert_true(!fits || heard.event_counts[8] == 300);
+        assert_int_equal(heard.has_frames_lost, fits);
+        assert_int_equal(heard.frames_lost, fits ? 70000 : 0);
     }
     assert_int_equal(datagram_counts(endpoint).too_long, 0);
     close_station(&s);

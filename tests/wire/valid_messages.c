@@ -78,6 +78,8 @@ arthron_Reply full_reply(void) {
     reply.event_counts_count = sizeof reply.event_counts / sizeof *reply.event_counts;
     memset(reply.event_counts, 0xff, sizeof reply.event_counts);
     reply.path_challenge = UINT64_MAX;
+    reply.has_frames_lost = reply.has_frames_late = true;
+    reply.frames_lost = reply.frames_late = UINT32_MAX;
     return reply;
 }
 

@@ -1,7 +1,8 @@
-// Plays a motion file or the recording of one tool in its own time.
+// Plays a motion file, the recording of one tool or a sequence metafile in its own time.
 //
-//   file              the CSV (device/recording.h)
+//   file              the table or the metafile (device/recording.h)
 //   channel           the tool's channel, for a recording of one tool
+//   tool.CHANNEL      its transform in a metafile
 //   loop              yes: from the start again at the end; no: silent then. yes
 //   T_mockup_tracker  where the file's frame lies in the mock-up's
 //   tip.CHANNEL       T_tool_tip
@@ -12,7 +13,9 @@
 #include "device/options.h"
 #include "device/recording.h"
 
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 struct recorded {
     struct recording recording;
@@ -22,9 +25,33 @@ struct recorded {
     int64_t start_ns; // when the first row was or will be
 };
 
+static enum result read_file(struct recorded *d, const struct device_config *config,
+                             const char *file, enum channel unnamed, struct error *err) {
+    struct recording_tools tools = {.unnamed = unnamed};
+    for (int i = 0; i < CHANNEL_COUNT; i++) {
+        char key[64];
+        snprintf(key, sizeof key, "tool.%s", channel_name((enum channel)i));
+        const char *name = option_text(config, key);
+        if (!name)
+            continue;
+        if (i == CHANNEL_JOINT || unnamed != CHANNEL_COUNT)
+            return option_fail(config, key, err, RESULT_INVALID,
+                               i == CHANNEL_JOINT ? "the joint is not a tool"
+                                                  : "the channel is given");
+        if (!*name || strlen(name) >= RECORDING_NAME_MAX)
+            return option_fail(config, key, err, RESULT_INVALID, "a name has 1 to %d bytes",
+                               RECORDING_NAME_MAX - 1);
+        strcpy(tools.names[i], name);
+    }
+    enum result result = recording_read_tools(file, &tools, &d->recording, err);
+    return result == RESULT_OK ? RESULT_OK
+                               : fail_in(err, result, "[device %s] file: ", config->name);
+}
+
 static enum result configure(struct recorded *d, const struct device_config *config,
                              struct error *err) {
-    static const char *const keys[] = {"file", "channel", "loop", "T_mockup_tracker", "tip.", NULL};
+    static const char *const keys[] = {"file", "channel",          "loop", "tool.",
+                                       "tip.", "T_mockup_tracker", NULL};
     char file[OPTION_TEXT_MAX];
     enum channel channel;
     enum result result = options_check(config, keys, err);
@@ -40,12 +67,7 @@ static enum result configure(struct recorded *d, const struct device_config *con
         result = option_pose(config, "T_mockup_tracker", &d->T_mockup_tracker, err);
     if (result == RESULT_OK)
         result = option_poses(config, "tip", d->T_tool_tip, err);
-    if (result == RESULT_OK) {
-        result = recording_read(file, channel, &d->recording, err);
-        if (result != RESULT_OK)
-            fail_in(err, result, "[device %s] file: ", config->name);
-    }
-    return result;
+    return result == RESULT_OK ? read_file(d, config, file, channel, err) : result;
 }
 
 static enum result recorded_create(const struct device_config *config, void **out_device,

@@ -1,6 +1,7 @@
 #include "device/recording.h"
 
 #include "base/check.h"
+#include "device/sequence.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -232,23 +233,41 @@ static enum result read_rows(struct csv *csv, struct recording *r, bool has_join
     return r->row_count ? RESULT_OK : fail(err, RESULT_FORMAT, "%s: has no rows", csv->path);
 }
 
-enum result recording_read(const char *path, enum channel unnamed, struct recording *out_recording,
-                           struct error *err) {
+static enum result read_table(FILE *file, const char *path, const struct recording_tools *tools,
+                              struct recording *r, struct error *err) {
+    for (int i = 0; i < CHANNEL_COUNT; i++)
+        if (*tools->names[i])
+            return fail(err, RESULT_INVALID, "%s: is a table; tool.%s is for metafiles alone", path,
+                        channel_name((enum channel)i));
+    bool has_joint;
+    struct csv *csv = alloc(1, sizeof *csv);
+    csv->path = path;
+    csv->file = file;
+    enum result result = read_names(csv, tools->unnamed, r, &has_joint, err);
+    if (result == RESULT_OK)
+        result = read_rows(csv, r, has_joint, err);
+    free(csv);
+    return result;
+}
+
+enum result recording_read_tools(const char *path, const struct recording_tools *tools,
+                                 struct recording *out_recording, struct error *err) {
     *out_recording = (struct recording){0};
     FILE *file = fopen(path, "re");
     if (!file)
         return fail(err, errno == ENOENT ? RESULT_MISSING : RESULT_IO, "%s: %s", path,
                     strerror(errno));
-    bool has_joint;
-    struct csv *csv = alloc(1, sizeof *csv);
-    csv->path = path;
-    csv->file = file;
-    enum result result = read_names(csv, unnamed, out_recording, &has_joint, err);
-    if (result == RESULT_OK)
-        result = read_rows(csv, out_recording, has_joint, err);
-    free(csv);
+    enum result result = sequence_begins(file)
+                             ? sequence_read(file, path, tools, out_recording, err)
+                             : read_table(file, path, tools, out_recording, err);
     fclose(file);
     return result;
+}
+
+enum result recording_read(const char *path, enum channel unnamed, struct recording *out_recording,
+                           struct error *err) {
+    struct recording_tools tools = {.unnamed = unnamed};
+    return recording_read_tools(path, &tools, out_recording, err);
 }
 
 void recording_fini(struct recording *r) {

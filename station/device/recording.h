@@ -1,4 +1,5 @@
-// Reads the CSV files that are played: a motion file (joint columns; for each tool NAME_tx_mm,
+// Reads the files that are played: sequence metafiles (device/sequence.h) and tables (CSV). A table
+// is a motion file (joint columns; for each tool NAME_tx_mm,
 // NAME_ty_mm, NAME_tz_mm, NAME_qw, NAME_qx, NAME_qy, NAME_qz, NAME_valid and perhaps NAME_opening)
 // or the recording of one tool (the same columns without a name). The first row names the columns;
 // t_seconds is one of them and rises. Columns that are not known are ignored.
@@ -10,6 +11,7 @@
 #include <stdbool.h>
 
 #define RECORDING_ROWS_MAX 1000000
+#define RECORDING_NAME_MAX 64
 
 struct recording_state {
     pose pose;      // in the frame that the file is about; the identity where not valid
@@ -31,6 +33,14 @@ struct recording {
     struct recording_tool tools[CHANNEL_COUNT];
 };
 
+// Which tools of a file are which channels.
+struct recording_tools {
+    enum channel unnamed; // of the one tool of a recording; CHANNEL_COUNT where tools have names
+    // Of a metafile: the transform of each channel, "ProbeToTracker" or "Probe" for short; "":
+    // none.
+    char names[CHANNEL_COUNT][RECORDING_NAME_MAX];
+};
+
 // `unnamed` is the channel of the one tool of a recording; CHANNEL_COUNT where a motion file is
 // expected. Errors name the file, the line and the column: a missing file (RESULT_MISSING), a
 // missing column, a row of other length, a value that is no number, a time that does not rise, a
@@ -38,6 +48,9 @@ struct recording {
 // rows or too long lines (RESULT_LIMIT). Release with recording_fini in any case.
 enum result recording_read(const char *path, enum channel unnamed, struct recording *out_recording,
                            struct error *err);
+// The same with names. RESULT_INVALID where a table is given names.
+enum result recording_read_tools(const char *path, const struct recording_tools *tools,
+                                 struct recording *out_recording, struct error *err);
 void recording_fini(struct recording *recording);
 
 // From the first row to where the first row comes again when the file is played in a loop.

@@ -1,4 +1,4 @@
-// A recording of one tool, or a motion file.
+// A recording of one tool, a motion file or a sequence metafile.
 #include "base/check.h"
 #include "device/recording.h"
 #include "fuzz/fuzz.h"

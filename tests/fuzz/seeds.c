@@ -391,6 +391,18 @@ static void recordings(void) {
               "0.5,20,0,0,0,0,0.25,1,2,3,1,0,0,0,1,1,-\n");
 }
 
+static void metafiles(void) {
+    seed_text("csv", "metafile",
+              "ObjectType = Image\nNDims = 3\nDimSize = 0 0 2\nKinds = domain domain list\n"
+              "Seq_Frame0000_Timestamp = 1.5\n"
+              "Seq_Frame0000_ProbeToTrackerTransform = 0 -1 0 10.5 1 0 0 -20 0 0 1 30 0 0 0 1\n"
+              "Seq_Frame0000_ProbeToTrackerTransformStatus = OK\n"
+              "Seq_Frame0001_Timestamp = 1.75\n"
+              "Seq_Frame0001_ProbeToTrackerTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
+              "Seq_Frame0001_ProbeToTrackerTransformStatus = INVALID\n"
+              "ElementDataFile = LOCAL\n");
+}
+
 static void handles(void) {
     static const uint8_t descriptor[] =
         "0 16 0 4095 0.05\n16 8\n"
@@ -474,6 +486,7 @@ int main(int argc, char **argv) {
     trackers();
     requests();
     recordings();
+    metafiles();
     handles();
     cuts();
     return 0;

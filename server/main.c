@@ -1,4 +1,5 @@
 #include "base/argument.h"
+#include "base/output.h"
 #include "case/library_memory.h"
 #include "commands/commands.h"
 #include "mesh/library_memory.h"
@@ -35,7 +36,7 @@ static const struct {
 
 enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
 
-int main(int argc, char **argv) {
+static int run(int argc, char **argv) {
     libraries_use_our_memory();
     cxx_libraries_use_our_memory();
     json_uses_our_memory();
@@ -58,4 +59,8 @@ int main(int argc, char **argv) {
     for (size_t i = 0; i < COMMAND_COUNT; i++)
         names[i] = commands[i].name;
     return argument_unknown("arthron-server", "command", argv[1], names);
+}
+
+int main(int argc, char **argv) {
+    return output_end("arthron-server", run(argc, argv));
 }

@@ -1,4 +1,5 @@
 #include "base/argument.h"
+#include "base/output.h"
 #include "tools/tools.h"
 #include "websocket/library_memory.h"
 
@@ -32,7 +33,7 @@ static const struct {
 
 enum { TOOL_COUNT = sizeof tools / sizeof *tools };
 
-int main(int argc, char **argv) {
+static int run(int argc, char **argv) {
     libraries_use_our_memory();
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         fputs(help, stdout);
@@ -51,4 +52,8 @@ int main(int argc, char **argv) {
     for (size_t i = 0; i < TOOL_COUNT; i++)
         names[i] = tools[i].name;
     return argument_unknown("arthron-station", "command", argv[1], names);
+}
+
+int main(int argc, char **argv) {
+    return output_end("arthron-station", run(argc, argv));
 }

@@ -1,4 +1,5 @@
 #include "base/argument.h"
+#include "base/output.h"
 #include "case/library_memory.h"
 #include "case_commands.h"
 #include "mesh/library_memory.h"
@@ -76,7 +77,7 @@ static void print_help(void) {
          "  --version   shows the version");
 }
 
-int main(int argc, char **argv) {
+static int run(int argc, char **argv) {
     cxx_libraries_use_our_memory();
     json_uses_our_memory();
     static const struct option options[] = {
@@ -105,4 +106,8 @@ int main(int argc, char **argv) {
     for (size_t i = 0; i < COMMAND_COUNT; i++)
         names[i] = commands[i].name;
     return argument_unknown("arthron-case", "command", name, names);
+}
+
+int main(int argc, char **argv) {
+    return output_end("arthron-case", run(argc, argv));
 }

@@ -1,5 +1,6 @@
 #include "base/argument.h"
 #include "base/clock.h"
+#include "base/output.h"
 #include "mesh/library_memory.h"
 #include "trace_commands.h"
 
@@ -103,7 +104,7 @@ static void print_help(void) {
           stdout);
 }
 
-int main(int argc, char **argv) {
+static int run(int argc, char **argv) {
     cxx_libraries_use_our_memory();
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         print_help();
@@ -122,4 +123,8 @@ int main(int argc, char **argv) {
     for (size_t i = 0; i < COMMAND_COUNT; i++)
         names[i] = commands[i].name;
     return argument_unknown("arthron-trace", "command", argv[1], names);
+}
+
+int main(int argc, char **argv) {
+    return output_end("arthron-trace", run(argc, argv));
 }

@@ -1,5 +1,6 @@
 #include "api/device.h"
 
+#include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "store/store.h"
@@ -8,7 +9,6 @@
 #include <openssl/crypto.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/random.h>
 
 #define HEAD 32 // digits: when it was made, and its number
 
@@ -23,8 +23,8 @@ void device_make(const struct secret_key *key, const char *who, int64_t now_utc_
                  char out_device[DEVICE_MAX]) {
     uint64_t number;
     char head[HEAD + 1], hash[SECRET_MAX];
-    ssize_t got = getrandom(&number, sizeof number, 0);
-    CHECK(got == sizeof number && strlen(who) < STORE_NAME_MAX);
+    CHECK(strlen(who) < STORE_NAME_MAX);
+    chance_fill(&number, sizeof number);
     snprintf(head, sizeof head, "%016" PRIx64 "%016" PRIx64, (uint64_t)now_utc_ns, number);
     sign(key, who, head, hash);
     snprintf(out_device, DEVICE_MAX, "%s%s", head, hash);

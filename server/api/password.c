@@ -1,11 +1,11 @@
 #include "api/password.h"
 
+#include "base/chance.h"
 #include "base/check.h"
 
 #include <argon2.h>
 #include <pthread.h>
 #include <string.h>
-#include <sys/random.h>
 
 #define MEMORY_KIB (64 * 1024)
 #define PASSES 3
@@ -46,13 +46,12 @@ enum result password_check(const char *password, struct error *err) {
 
 void password_encode(const char *password, char out_encoded[PASSWORD_ENCODED]) {
     uint8_t salt[SALT];
-    ssize_t got = getrandom(salt, sizeof salt, 0);
-    CHECK(got == sizeof salt);
+    chance_fill(salt, sizeof salt);
     enter();
     int code = argon2id_hash_encoded(PASSES, MEMORY_KIB, LANES, password, strlen(password), salt,
                                      sizeof salt, HASH, out_encoded, PASSWORD_ENCODED);
     leave();
-    CHECK(code == ARGON2_OK); // it can but run out of memory
+    NEED(code == ARGON2_OK, "memory");
 }
 
 bool password_is(const char *encoded, const char *password) {

@@ -1,5 +1,6 @@
 #include "api/secret.h"
 
+#include "base/chance.h"
 #include "base/check.h"
 
 #include <ctype.h>
@@ -11,7 +12,6 @@
 #include <openssl/hmac.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/random.h>
 #include <unistd.h>
 
 static const char letters[] = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789";
@@ -23,15 +23,13 @@ static void write_hex(const uint8_t bytes[32], char out[SECRET_MAX]) {
 
 void secret_make(char out_secret[SECRET_MAX]) {
     uint8_t bytes[32];
-    ssize_t got = getrandom(bytes, sizeof bytes, 0);
-    CHECK(got == sizeof bytes);
+    chance_fill(bytes, sizeof bytes);
     write_hex(bytes, out_secret);
 }
 
 void secret_make_code(char out_code[SECRET_CODE_MAX]) {
     uint8_t bytes[SECRET_CODE_MAX - 1];
-    ssize_t got = getrandom(bytes, sizeof bytes, 0);
-    CHECK(got == sizeof bytes);
+    chance_fill(bytes, sizeof bytes);
     for (size_t i = 0; i < sizeof bytes; i++)
         out_code[i] = letters[bytes[i] % 32];
     out_code[sizeof bytes] = '\0';
@@ -96,8 +94,7 @@ enum result secret_key_load(const char *dir, struct secret_key *out, struct erro
     enum result result = read_key(path, out, err);
     if (result != RESULT_MISSING)
         return result;
-    ssize_t got = getrandom(out->bytes, sizeof out->bytes, 0);
-    CHECK(got == sizeof out->bytes);
+    chance_fill(out->bytes, sizeof out->bytes);
     result = make_key(path, out, err);
     return result == RESULT_OK ? read_key(path, out, err) : result;
 }

@@ -1,6 +1,7 @@
 #include "commands/sealed_file.h"
 
 #include "base/bytes.h"
+#include "base/chance.h"
 #include "base/check.h"
 
 #include <argon2.h>
@@ -13,7 +14,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 #include <unistd.h>
 
 #define MEMORY_KIB (64 * 1024)
@@ -78,11 +78,12 @@ static enum result keep(struct sealed *s, const char *part, struct error *err) {
     return RESULT_OK;
 }
 
-static bool is_at_end(FILE *file) {
-    int c = getc(file);
+static enum result look_for_end(struct sealed *s, bool *out_is_end, struct error *err) {
+    int c = getc(s->in);
     if (c != EOF)
-        ungetc(c, file);
-    return c == EOF;
+        ungetc(c, s->in);
+    *out_is_end = c == EOF;
+    return ferror(s->in) ? fail(err, RESULT_IO, "%s: %s", s->path, strerror(errno)) : RESULT_OK;
 }
 
 // ---- keys ---------------------------------------------------------------------------------------
@@ -149,8 +150,7 @@ static enum result seal(struct sealed *s, const char *passphrase, struct error *
     struct writer w = {s->header, HEADER, 0, false};
     uint8_t random[SALT + NONCE], mac[32];
     size_t size;
-    ssize_t got = getrandom(random, sizeof random, 0);
-    CHECK(got == sizeof random);
+    chance_fill(random, sizeof random);
     write_bytes(&w, magic, sizeof magic);
     write_u32(&w, MEMORY_KIB);
     write_u32(&w, PASSES);
@@ -164,7 +164,8 @@ static enum result seal(struct sealed *s, const char *passphrase, struct error *
     result = write_all(s, s->header, sizeof s->header, err);
     for (bool last = false; result == RESULT_OK && !last;) {
         result = read_some(s, s->piece, PIECE, &size, err);
-        last = is_at_end(s->in);
+        if (result == RESULT_OK)
+            result = look_for_end(s, &last, err);
         if (result != RESULT_OK)
             return result;
         encrypt(s, size, last);
@@ -195,7 +196,8 @@ static enum result unseal(struct sealed *s, const char *passphrase, struct error
     enum result result = check_header(s, passphrase, err);
     for (bool last = false; result == RESULT_OK && !last;) {
         result = read_some(s, s->piece, sizeof s->piece, &size, err);
-        last = is_at_end(s->in);
+        if (result == RESULT_OK)
+            result = look_for_end(s, &last, err);
         if (result != RESULT_OK)
             return result;
         if (size < TAG || !decrypt(s, size - TAG, last))

@@ -35,12 +35,13 @@ static enum result start(const char *const arguments[], const struct confine_lim
     sigemptyset(&none);
     sigfillset(&usual);
     posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+    int failed = posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
     posix_spawnattr_init(&attributes);
     posix_spawnattr_setsigmask(&attributes, &none);
     posix_spawnattr_setsigdefault(&attributes, &usual);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    int failed = posix_spawn(&out->pid, "/proc/self/exe", &actions, &attributes,
+    if (!failed)
+        failed = posix_spawn(&out->pid, "/proc/self/exe", &actions, &attributes,
                              (char *const *)arguments, environ);
     posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
@@ -86,20 +87,26 @@ static size_t listen_to(const struct child *child, size_t size_max, uint8_t **ou
     return used;
 }
 
+// 0: it runs, or a signal interrupted.
+static pid_t wait_for(const struct child *child, int *out_status, int flags) {
+    pid_t ended = waitpid(child->pid, out_status, flags);
+    return ended < 0 && errno == EINTR ? 0 : ended;
+}
+
 // Its output is closed, as at its end. One that only closed it is ended.
 static int wait_for_end(const struct child *child) {
     int status = 0;
     pid_t ended = 0;
     close(child->from);
     for (int i = 0; i < END_MS && !ended; i++) {
-        ended = waitpid(child->pid, &status, WNOHANG);
+        ended = wait_for(child, &status, WNOHANG);
         if (!ended)
             usleep(1000);
     }
     if (!ended)
         kill(child->pid, SIGKILL);
-    while (!ended && (ended = waitpid(child->pid, &status, 0)) < 0 && errno == EINTR)
-        ended = 0;
+    while (!ended)
+        ended = wait_for(child, &status, 0);
     CHECK(ended == child->pid);
     return status;
 }

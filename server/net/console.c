@@ -43,24 +43,29 @@ struct console {
     int long_count;
 };
 
-// The user of the process at the other end, or its number.
-static void name_caller(struct lws *socket, char out[ACTOR_MAX]) {
+// The user of the process at the other end, or its number. False: the system does not tell.
+static bool name_caller(struct lws *socket, char out[ACTOR_MAX]) {
     struct ucred caller;
     socklen_t size = sizeof caller;
     struct passwd entry, *found = NULL;
     char texts[1024];
-    CHECK(getsockopt(lws_get_socket_fd(socket), SOL_SOCKET, SO_PEERCRED, &caller, &size) == 0);
+    if (getsockopt(lws_get_socket_fd(socket), SOL_SOCKET, SO_PEERCRED, &caller, &size) != 0)
+        return false;
     if (getpwuid_r(caller.uid, &entry, texts, sizeof texts, &found) == 0 && found)
         snprintf(out, ACTOR_MAX, "%s", found->pw_name);
     else
         snprintf(out, ACTOR_MAX, "user %u", (unsigned)caller.uid);
+    return true;
 }
 
 static void answer_command(struct console *console, struct lws *socket) {
     char actor[ACTOR_MAX];
-    name_caller(socket, actor);
-    console->handler.on_command(console->handler.user, actor, &console->asked.message.command,
-                                &console->answer.message.command_reply);
+    if (!name_caller(socket, actor))
+        strcpy(console->answer.message.command_reply.text,
+               "the system does not tell whose command this is; try again");
+    else
+        console->handler.on_command(console->handler.user, actor, &console->asked.message.command,
+                                    &console->answer.message.command_reply);
 }
 
 static void answer_metrics_ask(struct console *console) {
@@ -93,7 +98,7 @@ static void *run_long_command(void *argument) {
     return NULL;
 }
 
-// False where there are too many already, or no thread.
+// False where there are too many already, no thread, or nobody knows whose it is.
 static bool start_long_command(struct console *console, struct exchange *x, struct lws *socket) {
     if (console->long_count == LONG_COMMANDS_MAX)
         return false;
@@ -103,8 +108,8 @@ static bool start_long_command(struct console *console, struct exchange *x, stru
     command->exchange = x;
     command->asked = console->asked.message.command;
     command->answer.which_message = arthron_Console_command_reply_tag;
-    name_caller(socket, command->actor);
-    if (pthread_create(&command->thread, NULL, run_long_command, command) != 0) {
+    if (!name_caller(socket, command->actor) ||
+        pthread_create(&command->thread, NULL, run_long_command, command) != 0) {
         free(command);
         return false;
     }

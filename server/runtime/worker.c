@@ -1,5 +1,6 @@
 #include "runtime/worker.h"
 
+#include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "runtime/cut_worker.h"
@@ -10,7 +11,6 @@
 #include <poll.h>
 #include <string.h>
 #include <sys/eventfd.h>
-#include <sys/random.h>
 #include <unistd.h>
 
 #define EMPTY_STEP_NS (50 * NS_PER_MS)
@@ -30,8 +30,7 @@ static void send_keys(struct worker *worker, struct station_runtime *station) {
 static uint32_t random_connection(void) {
     uint32_t connection = 0;
     while (!connection)
-        if (getrandom(&connection, sizeof connection, 0) != sizeof connection)
-            connection = 0;
+        chance_fill(&connection, sizeof connection);
     return connection;
 }
 

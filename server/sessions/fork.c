@@ -1,5 +1,6 @@
 #include "sessions/fork.h"
 
+#include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
@@ -17,7 +18,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -92,8 +92,7 @@ static void fill_header(struct fork *f) {
     struct sessions *s = f->sessions;
     struct station_status status;
     uint8_t id[16];
-    ssize_t got = getrandom(id, sizeof id, 0);
-    CHECK(got == sizeof id);
+    chance_fill(id, sizeof id);
     station_slot_status(&s->slots[f->station], &status);
     opening_header(s, f->station, id, f->restored.scene, status.strength, status.trainee,
                    &f->header);

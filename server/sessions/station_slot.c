@@ -1,12 +1,12 @@
 #include "sessions/station_slot.h"
 
+#include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/random.h>
 #include <time.h>
 
 void station_slot_init(struct station_slot *slot, int scene, const char *trainee) {
@@ -45,11 +45,6 @@ void station_slot_status(struct station_slot *slot, struct station_status *out_s
 
 // ---- the session --------------------------------------------------------------------------------
 
-static void new_id(uint8_t out_id[16]) {
-    ssize_t got = getrandom(out_id, 16, 0);
-    CHECK(got == 16);
-}
-
 static void claim(struct station_status *s, const uint8_t id[16]) {
     s->phase = SLOT_OPENING;
     s->state = SESSION_WAITING;
@@ -57,7 +52,7 @@ static void claim(struct station_status *s, const uint8_t id[16]) {
     if (id)
         memcpy(s->session_id, id, sizeof s->session_id);
     else
-        new_id(s->session_id);
+        chance_fill(s->session_id, 16);
 }
 
 bool station_slot_claim(struct station_slot *slot, const uint8_t id[16]) {

@@ -1,3 +1,4 @@
+#include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
@@ -7,7 +8,6 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/random.h>
 
 // ---- adding -------------------------------------------------------------------------------------
 
@@ -137,8 +137,7 @@ enum result store_remove_course(struct store *store, const char *name, struct er
 // Random, so that it reveals nothing about the person.
 static void make_pseudonym(char out[STORE_NAME_MAX]) {
     uint64_t chance;
-    ssize_t got = getrandom(&chance, sizeof chance, 0);
-    CHECK(got == sizeof chance);
+    chance_fill(&chance, sizeof chance);
     snprintf(out, STORE_NAME_MAX, "erased-%016" PRIx64, chance);
 }
 

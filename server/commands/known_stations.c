@@ -32,8 +32,9 @@ void known_stations_warn(const char *keys_dir, const char *station) {
         line[strcspn(line, "\n")] = '\0';
         known = !strcmp(line, station);
     }
+    bool whole = !ferror(file);
     fclose(file);
-    if (!known)
+    if (!known && whole)
         fprintf(stderr,
                 "arthron-server keys: warning: the server's config had no [station %s] at its last "
                 "start. Add it and restart the server, else it refuses the station.\n",

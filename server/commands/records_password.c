@@ -15,8 +15,10 @@ _Static_assert(PASSPHRASE_MAX > PASSWORD_MOST, "a line holds a password");
 
 static enum result read_line(FILE *file, const char *path, char line[LINE_MAX_LENGTH],
                              struct error *err) {
+    errno = 0;
     if (!fgets(line, LINE_MAX_LENGTH, file))
-        return fail(err, RESULT_FORMAT, "%s: there is no password in it", path);
+        return ferror(file) ? fail(err, RESULT_IO, "%s: %s", path, strerror(errno))
+                            : fail(err, RESULT_FORMAT, "%s: there is no password in it", path);
     if (!strpbrk(line, "\r\n") && !feof(file))
         return fail(err, RESULT_LIMIT, "%s: its first line is longer than a password may be", path);
     line[strcspn(line, "\r\n")] = '\0';

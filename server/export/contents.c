@@ -62,7 +62,7 @@ enum result contents_read(const struct export_request *request, struct contents 
     contents->end = trace_play(reader, &player, &contents->why);
     memcpy(contents->hash, trace_reader_place(reader).hash, sizeof contents->hash);
     trace_reader_destroy(&reader);
-    if (!contents->steps && contents->end == RESULT_FORMAT)
+    if (!contents->steps && (contents->end == RESULT_FORMAT || contents->end == RESULT_IO))
         return contents_end(contents, err);
     if (!contents->steps)
         return fail(err, RESULT_MISSING, "%s has no step in that time", request->trace);

@@ -100,7 +100,9 @@ static enum result run_past(struct landing_run *g, const struct export_request *
                       request->trace, scene_case(request->scene)->name);
     if (result == RESULT_OK) {
         g->rerun = rerun_create(request->scene, &trace_reader_header(reader)->settings);
-        trace_play(reader, &player, NULL);
+        struct error why; // of damage and of an early end the pass before has told
+        if (trace_play(reader, &player, &why) == RESULT_IO)
+            result = fail(err, RESULT_IO, "%s", why.text);
         rerun_release(&g->rerun, &session, &g->operation, &g->pending);
         session_destroy(&session);
     }
@@ -121,9 +123,9 @@ enum result landings_run(struct walk *walk, const struct landing_watcher *watche
     if (result == RESULT_OK) {
         watcher->start(watcher->context, g.operation);
         result = walk_run(walk, &all, on_step, &g, err);
-        operation_destroy(&g.operation);
-        job_result_destroy(&g.pending);
     }
+    operation_destroy(&g.operation);
+    job_result_destroy(&g.pending);
     walk->request = asked;
     return result == RESULT_OK ? g.result : result;
 }

@@ -356,6 +356,10 @@ static char *read_bytes(const char *path, size_t *out_size) {
         bytes = alloc((size_t)status.st_size + 1, 1);
         *out_size = fread(bytes, 1, (size_t)status.st_size, file);
     }
+    if (bytes && ferror(file)) {
+        free(bytes);
+        bytes = NULL;
+    }
     if (file)
         fclose(file);
     return bytes;
@@ -367,7 +371,7 @@ enum result vtk_read(const char *path, uint32_t triangles_max, struct import_arr
     char *bytes = read_bytes(path, &size);
     *out_arrays = (struct import_arrays){0};
     if (!bytes)
-        return fail(err, RESULT_IO, "%s: cannot be opened", path);
+        return fail(err, RESULT_IO, "%s: cannot be read", path);
     struct reader reader = {.path = path,
                             .err = err,
                             .at = bytes,

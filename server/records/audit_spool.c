@@ -40,10 +40,10 @@ static bool write_line(int fd, const struct store_audit_entry *entry) {
     return write(fd, line, used) == (ssize_t)used;
 }
 
-static enum result write_lines(const char *path,
+static enum result write_lines(const char *path, int flags,
                                const struct store_audit_entry *(*next)(void *user), void *user,
                                struct error *err) {
-    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC | flags, 0600);
     bool done = fd >= 0;
     for (const struct store_audit_entry *entry; done && (entry = next(user));)
         done = write_line(fd, entry);
@@ -63,10 +63,18 @@ enum result audit_spool_write(const char *records,
     if (result == RESULT_OK)
         result = path_of(records, ".draft", draft, err);
     if (result == RESULT_OK)
-        result = write_lines(draft, next, user, err);
+        result = write_lines(draft, O_TRUNC, next, user, err);
     if (result == RESULT_OK && rename(draft, path) != 0)
         result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     return result;
+}
+
+enum result audit_spool_add(const char *records,
+                            const struct store_audit_entry *(*next)(void *user), void *user,
+                            struct error *err) {
+    char path[PATH_MAX];
+    enum result result = path_of(records, "", path, err);
+    return result == RESULT_OK ? write_lines(path, O_APPEND, next, user, err) : result;
 }
 
 static bool take_text(char **line, char *out, size_t size) {
@@ -82,13 +90,12 @@ static bool read_line(char *line, struct store_audit_entry *out) {
            take_text(&line, out->subject, sizeof out->subject) && !line;
 }
 
-size_t audit_spool_read(const char *records,
-                        void (*take)(void *user, const struct store_audit_entry *entry),
-                        void *user) {
-    char path[PATH_MAX], line[LINE_MAX_BYTES];
+static size_t read_lines(FILE *file, const char *path,
+                         void (*take)(void *user, const struct store_audit_entry *entry),
+                         void *user) {
+    char line[LINE_MAX_BYTES];
     size_t count = 0;
-    FILE *file = path_of(records, "", path, NULL) == RESULT_OK ? fopen(path, "re") : NULL;
-    while (file && fgets(line, sizeof line, file)) {
+    while (fgets(line, sizeof line, file)) {
         struct store_audit_entry entry = {0};
         line[strcspn(line, "\n")] = '\0';
         if (!read_line(line, &entry)) {
@@ -98,9 +105,25 @@ size_t audit_spool_read(const char *records,
         take(user, &entry);
         count++;
     }
-    if (file)
-        fclose(file);
     return count;
+}
+
+enum result audit_spool_read(const char *records,
+                             void (*take)(void *user, const struct store_audit_entry *entry),
+                             void *user, size_t *out_count, struct error *err) {
+    char path[PATH_MAX];
+    *out_count = 0;
+    enum result result = path_of(records, "", path, err);
+    if (result != RESULT_OK)
+        return result;
+    FILE *file = fopen(path, "re");
+    if (!file)
+        return errno == ENOENT ? RESULT_OK : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    *out_count = read_lines(file, path, take, user);
+    if (ferror(file))
+        result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    fclose(file);
+    return result;
 }
 
 void audit_spool_drop(const char *records) {

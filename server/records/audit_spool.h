@@ -9,10 +9,15 @@
 enum result audit_spool_write(const char *records,
                               const struct store_audit_entry *(*next)(void *user), void *user,
                               struct error *err);
+// The same behind the entries that the file has.
+enum result audit_spool_add(const char *records,
+                            const struct store_audit_entry *(*next)(void *user), void *user,
+                            struct error *err);
 
-// Calls `take` for each entry, and returns their number. Logs and leaves out a malformed line.
-size_t audit_spool_read(const char *records,
-                        void (*take)(void *user, const struct store_audit_entry *entry),
-                        void *user);
+// Calls `take` for each entry, and gives their number. Logs and leaves out a malformed line.
+// RESULT_IO: the file cannot be read, or was read in part; nothing may replace it.
+enum result audit_spool_read(const char *records,
+                             void (*take)(void *user, const struct store_audit_entry *entry),
+                             void *user, size_t *out_count, struct error *err);
 
 void audit_spool_drop(const char *records); // after the entries were written

@@ -75,7 +75,8 @@ static enum result check_traces(const char *dir, struct error *err) {
     DIR *entries = opendir(dir);
     if (!entries)
         return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
-    for (struct dirent *entry; result == RESULT_OK && (entry = readdir(entries));) {
+    struct dirent *entry;
+    while (result == RESULT_OK && (errno = 0, entry = readdir(entries))) {
         size_t length = strlen(entry->d_name);
         if (length <= 6 || strcmp(entry->d_name + length - 6, ".trace"))
             continue;
@@ -84,6 +85,8 @@ static enum result check_traces(const char *dir, struct error *err) {
             result = fail(err, RESULT_REFUSED,
                           "%s: another program is still writing this trace; stop it first", path);
     }
+    if (result == RESULT_OK && errno)
+        result = fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
     closedir(entries);
     return result;
 }

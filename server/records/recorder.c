@@ -11,6 +11,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -42,6 +43,7 @@ struct recorder {
     struct waiting *first, **end;
     struct store_session live[LIVE_MAX]; // sessions that go on; without a trace: a free place
     bool stop;
+    atomic_bool spool_is_read; // else nothing replaces it
     // The thread's own.
     bool took_over, failing, unsigned_told;
     int64_t signed_ns;          // when it looked for something to sign
@@ -314,6 +316,54 @@ static bool take_over(struct recorder *r) {
     return result == RESULT_OK;
 }
 
+// ---- the spool ----------------------------------------------------------------------------------
+
+struct spooled {
+    struct waiting *first, *last;
+};
+
+static void take_spooled(void *user, const struct store_audit_entry *entry) {
+    struct spooled *spooled = user;
+    struct waiting *waiting = alloc(1, sizeof *waiting);
+    waiting->is_audit = true;
+    waiting->entry = *entry;
+    *(spooled->last ? &spooled->last->next : &spooled->first) = waiting;
+    spooled->last = waiting;
+}
+
+static void put_before_all(struct recorder *r, const struct spooled *spooled) {
+    if (!spooled->first)
+        return;
+    pthread_mutex_lock(&r->mutex);
+    spooled->last->next = r->first;
+    if (!r->first)
+        r->end = &spooled->last->next;
+    r->first = spooled->first;
+    pthread_mutex_unlock(&r->mutex);
+}
+
+static void drop_all(struct spooled *spooled) {
+    for (struct waiting *next; spooled->first; spooled->first = next) {
+        next = spooled->first->next;
+        free(spooled->first);
+    }
+}
+
+// What an earlier server could not write. All of it or nothing: where it cannot be read, the thread
+// tries again.
+static void read_spool(struct recorder *r) {
+    struct spooled spooled = {0};
+    struct error err;
+    if (audit_spool_read(r->records, take_spooled, &spooled, &r->spooled, &err) == RESULT_OK) {
+        put_before_all(r, &spooled);
+        atomic_store(&r->spool_is_read, true);
+        return;
+    }
+    drop_all(&spooled);
+    r->spooled = 0;
+    tell_failure(r, &err);
+}
+
 // ---- the thread ---------------------------------------------------------------------------------
 
 // For a second at most, to try again and to look at the file.
@@ -327,10 +377,6 @@ static void wait_for_work(struct recorder *r, bool again) {
     pthread_mutex_unlock(&r->mutex);
 }
 
-static void take_spooled(void *user, const struct store_audit_entry *entry) {
-    append(user, &(struct waiting){.is_audit = true, .entry = *entry});
-}
-
 static const struct store_audit_entry *next_entry(void *user) {
     struct waiting **at = user;
     while (*at && !(*at)->is_audit)
@@ -338,6 +384,11 @@ static const struct store_audit_entry *next_entry(void *user) {
     const struct waiting *found = *at;
     *at = found ? found->next : NULL;
     return found ? &found->entry : NULL;
+}
+
+static enum result write_spool(struct recorder *r, struct waiting **at, struct error *err) {
+    return atomic_load(&r->spool_is_read) ? audit_spool_write(r->records, next_entry, at, err)
+                                          : audit_spool_add(r->records, next_entry, at, err);
 }
 
 // The traces contain the sessions, but only the spool keeps the audit entries.
@@ -350,7 +401,7 @@ static void leave_the_rest(struct recorder *r) {
     log_error("records",
               "%s: %zu sessions and %zu audit entries are not written: the next start does it",
               r->records, sessions, count);
-    if (!count || audit_spool_write(r->records, next_entry, &at, &err) == RESULT_OK)
+    if (!count || write_spool(r, &at, &err) == RESULT_OK)
         return;
     log_error("records", "the audit entries are lost: %s", err.text);
     at = first;
@@ -372,7 +423,7 @@ void recorder_write_last(struct recorder *r) {
     while (look && !look->is_audit)
         look = look->next;
     if (look)
-        audit_spool_write(r->records, next_entry, &at, &err);
+        write_spool(r, &at, &err);
     if (locked)
         pthread_mutex_unlock(&r->mutex);
 }
@@ -383,6 +434,8 @@ static void *run(void *argument) {
     sched_setscheduler(0, SCHED_IDLE, &none);
     while (!should_stop(r)) {
         notice_exchange(r);
+        if (!atomic_load(&r->spool_is_read))
+            read_spool(r);
         bool wrote = write_all(r);
         if (!r->took_over)
             r->took_over = wrote && take_over(r);
@@ -413,7 +466,7 @@ struct recorder *recorder_start(const struct recorder_config *config) {
     pthread_cond_init(&r->wake, &monotonic);
     pthread_condattr_destroy(&monotonic);
     pthread_mutex_init(&r->mutex, NULL);
-    r->spooled = audit_spool_read(config->records, take_spooled, r);
+    read_spool(r);
     sigset_t all, before; // a file size limit then is an error like a full disk
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);

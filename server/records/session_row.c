@@ -127,20 +127,24 @@ static bool on_end(void *user, uint64_t records, uint64_t missing) {
     return true;
 }
 
-// Returns when the trace was closed: long after its last step, if a killed server left it open.
-static int64_t read_steps(struct trace_reader *reader, struct metrics *metrics,
-                          struct store_session *s) {
+// *out_closed: when the trace was closed, long after its last step if a killed server left it open.
+// What is damaged counts as far as it is whole. RESULT_IO: the file cannot be read.
+static enum result read_steps(struct trace_reader *reader, struct metrics *metrics,
+                              struct store_session *s, int64_t *out_closed_utc_ns,
+                              struct error *err) {
     int64_t start_ns = trace_reader_header(reader)->start_ns;
     struct row_reader r = {metrics, s, start_ns, start_ns, s->start_utc_ns, 0};
     struct trace_player player = {
         .user = &r, .step = on_step, .resume = on_resume, .gap = on_gap, .end = on_end};
     s->state = STATE_INTERRUPTED;
-    trace_play(reader, &player, NULL);
+    if (trace_play(reader, &player, err) == RESULT_IO)
+        return RESULT_IO;
     s->end_utc_ns = r.begin_utc_ns + (r.last_ns > r.begin_ns ? r.last_ns - r.begin_ns : 0);
     struct trace_place place = trace_reader_place(reader);
     for (int i = 0; i < TRACE_HASH_SIZE; i++)
         snprintf(s->trace_hash + 2 * i, 3, "%02x", place.hash[i]);
-    return r.resumed_utc_ns > s->end_utc_ns ? r.resumed_utc_ns : s->end_utc_ns;
+    *out_closed_utc_ns = r.resumed_utc_ns > s->end_utc_ns ? r.resumed_utc_ns : s->end_utc_ns;
+    return RESULT_OK;
 }
 
 // Whether the trace, read to its end, has a signature of the authority.
@@ -171,12 +175,14 @@ enum result session_score_trace(const char *trace, const char *authority, scene_
     struct metrics *metrics = alloc(1, sizeof *metrics);
     metrics_init(metrics, header->optic);
     session_row_begin(header, trace, &out->session);
-    int64_t closed_utc_ns = read_steps(reader, metrics, &out->session);
-    if (is_signed(reader, authority, closed_utc_ns, &out->session))
+    int64_t closed_utc_ns;
+    result = read_steps(reader, metrics, &out->session, &closed_utc_ns, err);
+    if (result == RESULT_OK && is_signed(reader, authority, closed_utc_ns, &out->session))
         metrics_each(metrics, take_value, &builder);
     free(metrics);
     trace_reader_destroy(&reader);
-    result = hash_trace(&out->session, err);
+    if (result == RESULT_OK)
+        result = hash_trace(&out->session, err);
     if (result != RESULT_OK)
         session_score_fini(out);
     return result;

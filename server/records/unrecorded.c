@@ -33,7 +33,7 @@ static enum result collect(struct store *store, const char *traces_dir, DIR *dir
                            struct trace_paths *paths, struct error *err) {
     enum result result = RESULT_OK;
     struct dirent *entry;
-    while (result == RESULT_OK && (entry = readdir(dir))) {
+    while (result == RESULT_OK && (errno = 0, entry = readdir(dir))) {
         bool is_new;
         if (paths->count == paths->room) {
             paths->room = 2 * paths->room + 16;
@@ -42,7 +42,9 @@ static enum result collect(struct store *store, const char *traces_dir, DIR *dir
         result = look_at(store, traces_dir, entry->d_name, paths->at[paths->count], &is_new, err);
         paths->count += is_new;
     }
-    return result;
+    return result == RESULT_OK && errno
+               ? fail(err, RESULT_IO, "%s: %s", traces_dir, strerror(errno))
+               : result;
 }
 
 enum result unrecorded_find(const char *records, const char *traces_dir, int64_t start_utc_ns,

@@ -127,9 +127,9 @@ static bool on_resume(void *user, int64_t utc_ns) {
     return true;
 }
 
-void report_lines_read(struct trace_reader *reader, const struct survey *survey,
-                       survey_progress progress, struct report_lines *lines,
-                       struct metrics *metrics) {
+enum result report_lines_read(struct trace_reader *reader, const struct survey *survey,
+                              survey_progress progress, struct report_lines *lines,
+                              struct metrics *metrics, struct error *err) {
     struct lines_reader r = {.lines = lines,
                              .metrics = metrics,
                              .first_ns = survey->first_ns,
@@ -137,10 +137,12 @@ void report_lines_read(struct trace_reader *reader, const struct survey *survey,
     struct trace_player player = {
         .user = &r, .step = on_step, .resume = on_resume, .progress = progress};
     lines_init(lines);
-    trace_play(reader, &player, NULL);
+    if (trace_play(reader, &player, err) == RESULT_IO)
+        return RESULT_IO;
     for (int i = 0; i < TISSUES_MAX; i++) {
         struct tissue_lines *t = &lines->tissues[i];
         for (int k = 0; t->landed && k < TISSUE_LINE_COUNT; k++)
             thin_add(&t->lines[k], 1, survey_seconds(survey), t->last[k]);
     }
+    return RESULT_OK;
 }

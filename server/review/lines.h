@@ -38,7 +38,8 @@ struct report_lines {
 };
 
 // Reads the steps from the reader's place on, whose survey is known; `metrics` were begun.
-// progress: or NULL.
-void report_lines_read(struct trace_reader *reader, const struct survey *survey,
-                       survey_progress progress, struct report_lines *out_lines,
-                       struct metrics *metrics);
+// progress: or NULL. RESULT_IO: the file cannot be read. A trace that is damaged is read as far as
+// it is whole.
+enum result report_lines_read(struct trace_reader *reader, const struct survey *survey,
+                              survey_progress progress, struct report_lines *out_lines,
+                              struct metrics *metrics, struct error *err);

@@ -324,12 +324,17 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
     struct trace_reader *again;
     survey_read(reader, source->progress, &page->survey);
     describe_seal(reader, page);
+    if (page->survey.end == RESULT_IO)
+        return fail(err, RESULT_IO, "%s", page->survey.why.text);
     enum result result = trace_reader_create(source->trace, &again, err);
     if (result != RESULT_OK)
         return result;
     metrics_init(&page->metrics, page->header->optic);
-    report_lines_read(again, &page->survey, source->progress, &page->lines, &page->metrics);
+    result = report_lines_read(again, &page->survey, source->progress, &page->lines, &page->metrics,
+                               err);
     trace_reader_destroy(&again);
+    if (result != RESULT_OK)
+        return result;
     page->beside = source->records != NULL;
     page->course = source->course;
     page->hide_few = source->hide_few;

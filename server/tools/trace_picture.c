@@ -121,12 +121,13 @@ static bool on_gap(void *user, uint64_t missing) {
 }
 
 // Up to the wanted time, the record's end, or its first gap.
-static void run_to(struct rerun *rerun, struct trace_reader *reader, double at_s) {
+static enum result run_to(struct rerun *rerun, struct trace_reader *reader, double at_s,
+                          struct error *err) {
     double to_ns = (double)trace_reader_header(reader)->start_ns + at_s * NS_PER_S;
     struct picture_run r = {rerun, to_ns < (double)INT64_MAX ? (int64_t)to_ns : INT64_MAX};
     struct trace_player player = {
         .user = &r, .step = on_step, .past = on_step, .gap = on_gap, .progress = show_progress};
-    trace_play(reader, &player, NULL);
+    return trace_play(reader, &player, err) == RESULT_IO ? RESULT_IO : RESULT_OK;
 }
 
 static enum result picture(const struct picture_request *request, struct error *err) {
@@ -142,8 +143,9 @@ static enum result picture(const struct picture_request *request, struct error *
     if (result == RESULT_OK) {
         struct rerun *rerun = rerun_create(scene, &trace_reader_header(reader)->settings);
         int tissue;
-        run_to(rerun, reader, request->at_s);
-        result = choose(scene, rerun_operation(rerun), request->group, &tissue, err);
+        result = run_to(rerun, reader, request->at_s, err);
+        if (result == RESULT_OK)
+            result = choose(scene, rerun_operation(rerun), request->group, &tissue, err);
         if (result == RESULT_OK)
             result = draw(scene, rerun_operation(rerun), tissue, request->out, err);
         rerun_destroy(&rerun);

@@ -52,12 +52,15 @@ static bool look_at(const char *folder, const char *name, char path[PATH_MAX],
                     struct trace_entry *out) {
     struct stat status;
     int length = snprintf(path, PATH_MAX, "%s/%s", folder, name);
-    if (!take_name(name, out) || length >= PATH_MAX || stat(path, &status) != 0 ||
-        !S_ISREG(status.st_mode))
+    if (!take_name(name, out) || length >= PATH_MAX)
+        return false;
+    bool known = stat(path, &status) == 0;
+    if (known ? !S_ISREG(status.st_mode) : errno == ENOENT)
         return false;
     out->path = path;
     out->name = path + length - strlen(name);
-    out->written_utc_ns = status.st_mtim.tv_sec * NS_PER_S + status.st_mtim.tv_nsec;
+    out->written_utc_ns =
+        known ? status.st_mtim.tv_sec * NS_PER_S + status.st_mtim.tv_nsec : INT64_MAX;
     return true;
 }
 
@@ -70,11 +73,13 @@ enum result catalogue_each(const char *folder,
     DIR *dir = opendir(folder);
     if (!dir)
         return fail(err, RESULT_IO, "%s: %s", folder, strerror(errno));
-    for (struct dirent *file; goes_on && (file = readdir(dir));)
+    struct dirent *file;
+    while (goes_on && (errno = 0, file = readdir(dir)))
         if (look_at(folder, file->d_name, path, &one))
             goes_on = entry(user, &one);
+    int fault = goes_on ? errno : 0;
     closedir(dir);
-    return RESULT_OK;
+    return fault ? fail(err, RESULT_IO, "%s: %s", folder, strerror(fault)) : RESULT_OK;
 }
 
 // ---- one session --------------------------------------------------------------------------------

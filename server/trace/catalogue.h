@@ -19,7 +19,7 @@ struct trace_entry {
     char station[64];
     char stamp[sizeof TRACE_STAMP]; // these sort as times do
     char id_start[9];
-    int64_t written_utc_ns; // time of the last write
+    int64_t written_utc_ns; // time of the last write; INT64_MAX: it cannot be read
 };
 
 // Calls `entry` for each trace, in any order, until it returns false. Skips files with other names.

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 // The touch of the next job to land, put together from its parts.
 struct gathering {
@@ -40,6 +41,10 @@ struct trace_reader {
     enum result state; // anything but OK: reading has ended so
     struct error why;
 };
+
+static enum result unreadable(const struct trace_reader *r, struct error *err) {
+    return fail(err, RESULT_IO, "%s: %s", r->path, strerror(errno));
+}
 
 // Reads exactly `size` bytes; RESULT_MISSING where the file has no more.
 static enum result read_exactly(struct trace_reader *r, void *out, size_t size, struct error *err) {
@@ -79,10 +84,10 @@ enum result trace_reader_create(const char *path, struct trace_reader **out_read
     r->file = file;
     r->path = alloc_text(path);
     chain_init(&r->chain);
-    struct stat status;
-    if (fstat(fileno(file), &status) == 0)
-        r->size = (uint64_t)status.st_size;
-    enum result result = read_header(r, err);
+    struct stat status = {0};
+    enum result result =
+        fstat(fileno(file), &status) == 0 ? read_header(r, err) : unreadable(r, err);
+    r->size = (uint64_t)status.st_size;
     if (result != RESULT_OK) {
         trace_reader_destroy(&r);
         return result;
@@ -277,14 +282,20 @@ static enum result decode(struct trace_reader *r, const uint8_t *data, size_t si
     return result;
 }
 
+static enum result read_behind(struct trace_reader *r, struct error *err) {
+    if (fgetc(r->file) != EOF)
+        return fail(err, RESULT_FORMAT, "there is more after its end");
+    return ferror(r->file) ? fail(err, RESULT_IO, "%s", strerror(errno))
+                           : fail(err, RESULT_CLOSED, "all is read");
+}
+
 static enum result read_record(struct trace_reader *r, struct trace_record *out,
                                struct error *err) {
     uint8_t *data = r->data;
     if (r->landed)
         forget_touch(r);
     if (r->ended)
-        return fgetc(r->file) == EOF ? fail(err, RESULT_CLOSED, "all is read")
-                                     : fail(err, RESULT_FORMAT, "there is more after its end");
+        return read_behind(r, err);
     size_t rest;
     enum result result = read_exactly(r, data, RECORD_PREFIX, err);
     if (result == RESULT_OK)
@@ -329,30 +340,37 @@ static bool record_begins(struct trace_reader *r, const uint8_t *data, size_t si
     return checksum_matches(data + at, RECORD_PREFIX + rest, r->header.version, &r->chain);
 }
 
-// The rest of the file from the damaged record on.
-static size_t read_rest(struct trace_reader *r, uint8_t **out_data) {
-    fseeko(r->file, (off_t)r->place.offset, SEEK_SET);
-    size_t size = r->size > r->place.offset ? (size_t)(r->size - r->place.offset) : 0;
-    *out_data = alloc(size + 1, 1);
-    return fread(*out_data, 1, size, r->file);
+// Up to `size` bytes from the record on that cannot be read. False: the file cannot be read.
+static bool read_from_damage(struct trace_reader *r, uint8_t *out_data, size_t size,
+                             size_t *out_got) {
+    *out_got = 0;
+    if (fseeko(r->file, (off_t)r->place.offset, SEEK_SET))
+        return false;
+    *out_got = fread(out_data, 1, size, r->file);
+    return !ferror(r->file);
 }
 
 enum result trace_skip_damage(struct trace_reader *r, uint64_t *out_bytes, struct error *err) {
-    uint8_t *data;
-    size_t size = read_rest(r, &data), at = RECORD_PREFIX + TRACE_HASH_SIZE;
-    bool looks = r->header.version >= 3 && !r->ended;
+    size_t rest = r->size > r->place.offset ? (size_t)(r->size - r->place.offset) : 0;
+    size_t size, at = RECORD_PREFIX + TRACE_HASH_SIZE;
+    uint8_t *data = alloc(rest + 1, 1);
+    bool readable = read_from_damage(r, data, rest, &size);
+    bool looks = readable && r->header.version >= 3 && !r->ended;
     while (looks && at < size && !record_begins(r, data, size, at))
         at++;
     bool found = looks && at < size;
     if (found)
         memcpy(r->chain.value, data + at - TRACE_HASH_SIZE, TRACE_HASH_SIZE);
     free(data);
+    if (!readable)
+        return unreadable(r, err);
     if (!found)
         return fail(err, RESULT_MISSING, "%s: no whole record after byte %llu", r->path,
                     (unsigned long long)r->place.offset);
     *out_bytes = at;
     r->place.offset += at;
-    fseeko(r->file, (off_t)r->place.offset, SEEK_SET);
+    if (fseeko(r->file, (off_t)r->place.offset, SEEK_SET))
+        return unreadable(r, err);
     r->state = RESULT_OK;
     r->damaged = true;
     r->foreign = false;
@@ -379,25 +397,28 @@ enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error
         return result;
     bool found = false;
     result = skip_to_tail(r, err);
-    while (result == RESULT_OK && trace_read(r, &record, NULL) == RESULT_OK)
+    while (result == RESULT_OK && (result = trace_read(r, &record, err)) == RESULT_OK)
         if (record.type == TRACE_STEP || record.type == TRACE_PAST) {
             *out_time_ns = record.input.time_ns;
             found = true;
         }
     trace_reader_destroy(&r);
-    if (result == RESULT_OK && !found)
+    if (result == RESULT_IO)
+        return result;
+    if (!found)
         return fail(err, RESULT_MISSING, "%s: it has no step near its end", path);
-    return result;
+    return RESULT_OK;
 }
 
 bool trace_is_open(const char *path) {
     struct trace_reader *r;
     static _Thread_local struct trace_record record;
-    if (trace_reader_create(path, &r, NULL) != RESULT_OK)
-        return false;
+    enum result result = trace_reader_create(path, &r, NULL);
+    if (result != RESULT_OK)
+        return result == RESULT_IO && (access(path, F_OK) == 0 || errno != ENOENT);
     bool open = r->header.version >= TRACE_OLDEST_RESUMED;
     uint64_t skipped;
-    enum result result = open ? skip_to_tail(r, NULL) : RESULT_CLOSED;
+    result = open ? skip_to_tail(r, NULL) : RESULT_CLOSED;
     while (result == RESULT_OK || (r->foreign && trace_skip_damage(r, &skipped, NULL) == RESULT_OK))
         result = trace_read(r, &record, NULL);
     trace_reader_destroy(&r);
@@ -418,8 +439,9 @@ static bool is_zero(const uint8_t *data, size_t size) {
 // Whether the record that cannot be read, or what ought to be one, has a lost page in it.
 static bool has_lost_page(struct trace_reader *r) {
     uint8_t data[RECORD_MAX + 2 * PAGE];
-    fseeko(r->file, (off_t)r->place.offset, SEEK_SET);
-    size_t size = fread(data, 1, sizeof data, r->file), page = PAGE - r->place.offset % PAGE;
+    size_t size, page = PAGE - r->place.offset % PAGE;
+    if (!read_from_damage(r, data, sizeof data, &size))
+        return false;
     if (is_zero(data, page < size ? page : size))
         return true;
     for (; page < RECORD_MAX + PAGE && page < size; page += PAGE) {

@@ -202,12 +202,12 @@ enum result trace_read(struct trace_reader *reader, struct trace_record *out_rec
 // After RESULT_CORRUPT or RESULT_FORMAT: continues at the first record after the damage whose hash
 // continues the hash before it. *out_bytes is the number of bytes between. The records from there
 // on are as they were written, but steps are missing before them. RESULT_MISSING: there is no such
-// record.
+// record. RESULT_IO: the file cannot be read.
 enum result trace_skip_damage(struct trace_reader *reader, uint64_t *out_bytes, struct error *err);
 
-// After RESULT_CORRUPT or RESULT_FORMAT: whether that is what a loss of power leaves of a trace that
-// is being written: pages of zeros among the last 4 MB, and no end record. A writer can go on behind
-// the records before. Any other damage is no torn end.
+// After RESULT_CORRUPT or RESULT_FORMAT: whether that is what a loss of power leaves of a trace
+// that is being written: pages of zeros among the last 4 MB, and no end record. A writer can go on
+// behind the records before. Any other damage is no torn end.
 bool trace_ends_torn(struct trace_reader *reader);
 
 // From now on a record with a tissue, a group or a torn ligament that the scene lacks is
@@ -215,11 +215,12 @@ bool trace_ends_torn(struct trace_reader *reader);
 void trace_reader_bind(struct trace_reader *reader, const struct scene *scene);
 
 // Whether a trace lacks its end record and is of a version that a server could still give one.
-// Reads the header and the last 64 KB.
+// Reads the header and the last 64 KB. One that is there and cannot be read counts as open.
 bool trace_is_open(const char *path);
 
 // The time of the last step, searched for from the end of the file. RESULT_MISSING: there is no
-// step near the end, or the version is 2, which does not allow the search.
+// step near the end, or the version is 2, which does not allow the search. RESULT_IO: the file
+// cannot be read.
 enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error *err);
 
 // ---- signatures

@@ -114,6 +114,7 @@ enum result hid_read_descriptor(const char *path, uint8_t *out_bytes, size_t *ou
     if (!file)
         return fail(err, RESULT_IO, "%s: %s", file_name, strerror(errno));
     *out_size = fread(out_bytes, 1, HID_DESCRIPTOR_BYTES_MAX, file);
+    int fault = ferror(file) ? errno : 0;
     fclose(file);
-    return RESULT_OK;
+    return fault ? fail(err, RESULT_IO, "%s: %s", file_name, strerror(fault)) : RESULT_OK;
 }

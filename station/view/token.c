@@ -39,7 +39,10 @@ enum result token_get(const char *path, char out[TOKEN_LENGTH + 1], struct error
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     char text[TOKEN_LENGTH + 2] = "";
     size_t used = fread(text, 1, TOKEN_LENGTH + 1, file);
+    int fault = ferror(file) ? errno : 0;
     fclose(file);
+    if (fault)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(fault));
     bool good = used >= TOKEN_LENGTH && (!text[TOKEN_LENGTH] || text[TOKEN_LENGTH] == '\n');
     text[TOKEN_LENGTH] = '\0';
     if (!good || strspn(text, "0123456789abcdef") != TOKEN_LENGTH)

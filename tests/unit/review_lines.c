@@ -56,7 +56,7 @@ static struct report_lines *read_lines(void) {
     trace_reader_destroy(&reader);
     assert_int_equal(trace_reader_create(path, &reader, NULL), RESULT_OK);
     metrics_init(&metrics, view_optic_usual());
-    report_lines_read(reader, &survey, NULL, lines, &metrics);
+    assert_int_equal(report_lines_read(reader, &survey, NULL, lines, &metrics, NULL), RESULT_OK);
     trace_reader_destroy(&reader);
     return lines;
 }

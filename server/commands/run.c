@@ -87,8 +87,8 @@ static int serve_until_end(const struct server_config *config) {
     enum result result = sessions_create(&config->sessions, &ends, &sessions, &err);
     if (result == RESULT_OK && config->web.port) {
         result = browsers_create(config, sessions, &browsers, &err);
-        if (result != RESULT_OK)
-            sessions_destroy(&sessions);
+        if (result != RESULT_OK) // the next start goes on with those that were resumed
+            sessions_hand_over(&sessions);
     }
     if (result != RESULT_OK && atomic_load(&ended))
         return 0;

@@ -102,7 +102,8 @@ void closing_close(struct sessions *s, const char *path, const char *why) {
 static bool is_given_up(const struct sessions *s, const struct trace_entry *entry,
                         struct error *why) {
     char newest[SESSIONS_PATH_MAX];
-    resume_newest(s, entry->station, newest);
+    if (resume_newest(s, entry->station, newest, why) != RESULT_OK)
+        return false;
     if (sessions_find_station(&s->config, entry->station) < 0)
         fail(why, RESULT_MISSING, "the server's config has no station %s", entry->station);
     else if (!resume_is_recent(s, entry->path))

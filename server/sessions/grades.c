@@ -109,6 +109,11 @@ const char *grades_name(struct grades *grades, int index) {
     return name;
 }
 
+bool grades_are_broken(const struct grades *grades, int index, struct error *why) {
+    *why = grades->refused[index];
+    return why->text[0];
+}
+
 enum result grades_allow(struct grades *grades, int index, struct error *err) {
     enum result result = RESULT_OK;
     if (grades->refused[index].text[0])

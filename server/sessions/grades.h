@@ -15,6 +15,9 @@ void grades_destroy(struct grades **grades); // NULL inside is fine
 // Looks at the files (a stat for each case), and logs each change.
 void grades_refresh(struct grades *grades);
 
+// Whether the case could not be read at the start, and why.
+bool grades_are_broken(const struct grades *grades, int index, struct error *out_why);
+
 const char *grades_name(struct grades *grades, int index);
 
 // RESULT_OK if a session may be opened on this case; else the error says why not. Touches no file.

@@ -1,6 +1,7 @@
 #include "sessions/own.h"
 
 #include "base/check.h"
+#include "base/clock.h"
 #include "base/draft.h"
 #include "base/log.h"
 #include "store/store.h"
@@ -12,7 +13,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
+
+#define TRIES 3 // to read the list
 
 struct own_traces {
     size_t count;
@@ -68,7 +72,7 @@ static void take_line(const struct sessions *s, struct own_traces *own, char *li
     if (!line[0] || strchr(line, '/') ||
         snprintf(path, sizeof path, "%s/%s", s->config.traces_dir, line) >= SESSIONS_PATH_MAX)
         return;
-    if (trace_is_open(path))
+    if (!own_traces_have(s, path) && trace_is_open(path))
         add(own, path);
 }
 
@@ -86,16 +90,35 @@ static void write_list(const char *path, const struct own_traces *own) {
         log_warning("sessions", "%s", err.text);
 }
 
-static void read_list(const struct sessions *s, struct own_traces *own) {
-    char path[PATH_MAX], line[TRACE_NAME_MAX + 1];
-    FILE *file = list_path(s, path) ? fopen(path, "re") : NULL;
+// errno, or 0.
+static int read_lines(const struct sessions *s, struct own_traces *own, const char *path) {
+    char line[TRACE_NAME_MAX + 1];
+    FILE *file = fopen(path, "re");
     if (!file)
-        return;
+        return errno == ENOENT ? 0 : errno;
     while (fgets(line, sizeof line, file))
         take_line(s, own, line);
-    bool whole = !ferror(file);
+    int fault = ferror(file) ? errno : 0;
     fclose(file);
-    if (whole)
+    return fault;
+}
+
+// Where it cannot be read, it stays as it is, for the next start.
+static void read_list(const struct sessions *s, struct own_traces *own) {
+    static const struct timespec try_again = {.tv_nsec = 50 * NS_PER_MS};
+    char path[PATH_MAX];
+    if (!list_path(s, path))
+        return;
+    int fault = read_lines(s, own, path);
+    for (int i = 1; fault && i < TRIES; i++) {
+        nanosleep(&try_again, NULL);
+        fault = read_lines(s, own, path);
+    }
+    if (fault)
+        log_error("sessions",
+                  "%s: %s; open sessions that only this list names wait for the next start", path,
+                  strerror(fault));
+    else
         write_list(path, own);
 }
 
@@ -112,12 +135,12 @@ void own_traces_read(struct sessions *s) {
     if (!s->config.records[0])
         return;
     struct own_traces *own = alloc(1, sizeof *own);
+    s->own = own;
     read_list(s, own);
     enum result result = store_open(s->config.records, STORE_THERE, "server", &store, &err);
     if (result == RESULT_OK)
         result = store_open_traces(store, take, own, &err);
     store_close(&store);
-    s->own = own;
     if (result == RESULT_OK || result == RESULT_MISSING)
         return;
     log_warning("sessions", "%s: so all open traces count as this server's", err.text);

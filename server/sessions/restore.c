@@ -110,12 +110,17 @@ static enum result read_to_end(struct trace_reader *reader, struct error *err) {
 }
 
 // A session that was closed needs no case here, unless it is to go on all the same.
-static enum result refuse(const struct restored *a, const char *path, const double *at_s,
-                          struct trace_reader *reader, struct error *err) {
-    if (!at_s && read_to_end(reader, err) == RESULT_CLOSED)
-        return RESULT_CLOSED;
+static enum result refuse(const struct sessions *s, const struct restored *a, const char *path,
+                          const double *at_s, struct trace_reader *reader, struct error *err) {
+    enum result end = at_s ? RESULT_OK : read_to_end(reader, err);
+    if (end == RESULT_CLOSED || end == RESULT_IO)
+        return end;
     if (a->header.version < TRACE_OLDEST_RESUMED)
         return fail(err, RESULT_REFUSED, "%s: it is of version %d", path, a->header.version);
+    int index = sessions_find_case(&s->config, a->header.case_name);
+    struct error why;
+    if (index >= 0 && grades_are_broken(s->grades, index, &why))
+        return fail(err, RESULT_IO, "%s: its case cannot be read: %s", path, why.text);
     return fail(err, RESULT_REFUSED, "%s: this server has not its case", path);
 }
 
@@ -129,7 +134,7 @@ enum result restore_run(const struct sessions *s, const char *path, const double
     out->header = *trace_reader_header(reader);
     out->scene = scene_of(s, out->header.case_hash);
     if (out->scene < 0 || out->header.version < TRACE_OLDEST_RESUMED) {
-        result = refuse(out, path, at_s, reader, err);
+        result = refuse(s, out, path, at_s, reader, err);
         trace_reader_destroy(&reader);
         return result;
     }

@@ -19,7 +19,8 @@ struct restored {
 // Runs a whole trace (at_s NULL), or its first *at_s seconds without a stop. RESULT_MISSING: the
 // trace is open, and the session can go on. RESULT_CLOSED: the trace is closed; the session goes on
 // only if at_s is given. RESULT_REFUSED: the case or the version is not this server's, steps are
-// missing, or a step does not reproduce its recorded hash. RESULT_INVALID: at_s is after the end.
+// missing, or a step does not reproduce its recorded hash. RESULT_IO: the trace or its case cannot
+// be read. RESULT_INVALID: at_s is after the end.
 // RESULT_TIMEOUT: the server is ending. Other results as trace_read. From any thread, while the
 // server has its cases.
 enum result restore_run(const struct sessions *sessions, const char *path, const double *at_s,

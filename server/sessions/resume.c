@@ -21,6 +21,9 @@
 #include <time.h>
 #include <unistd.h>
 
+#define TRIES 3 // of what the system refused
+static const struct timespec try_again = {.tv_nsec = 50 * NS_PER_MS};
+
 struct resumed {
     struct sessions *sessions;
     int station;
@@ -53,22 +56,28 @@ static bool take_newest(void *user, const struct trace_entry *entry) {
     return true;
 }
 
-void resume_newest(const struct sessions *s, const char *station,
-                   char out_path[SESSIONS_PATH_MAX]) {
+enum result resume_newest(const struct sessions *s, const char *station,
+                          char out_path[SESSIONS_PATH_MAX], struct error *err) {
     struct newest_trace search = {.station = station};
-    catalogue_each(s->config.traces_dir, take_newest, &search, NULL);
+    enum result result = catalogue_each(s->config.traces_dir, take_newest, &search, err);
     snprintf(out_path, SESSIONS_PATH_MAX, "%s", search.path);
+    return result;
 }
 
 bool resume_is_recent(const struct sessions *s, const char *path) {
     struct stat status;
-    return stat(path, &status) == 0 && time(NULL) - status.st_mtime <= s->config.wait_s;
+    if (stat(path, &status) != 0)
+        return errno != ENOENT;
+    return time(NULL) - status.st_mtime <= s->config.wait_s;
 }
 
-static bool find_trace(struct resumed *r) {
-    resume_newest(r->sessions, station_name(r->sessions, r->station), r->path);
-    return r->path[0] && resume_is_recent(r->sessions, r->path) &&
-           own_traces_have(r->sessions, r->path);
+static enum result find_trace(struct resumed *r, struct error *err) {
+    enum result result =
+        resume_newest(r->sessions, station_name(r->sessions, r->station), r->path, err);
+    if (!r->path[0] || !resume_is_recent(r->sessions, r->path) ||
+        !own_traces_have(r->sessions, r->path))
+        r->path[0] = '\0';
+    return result;
 }
 
 // ---- a trace whose replay ends the program ------------------------------------------------------
@@ -108,7 +117,12 @@ static bool set_marker(const struct resumed *r) {
 static void clear_marker(const struct resumed *r) {
     char path[SESSIONS_PATH_MAX + 16];
     resume_marker(r->path, path);
-    unlink(path);
+    int fault = 1;
+    for (int i = 0; fault && i < TRIES; i++)
+        fault = unlink(path) && errno != ENOENT ? errno : 0;
+    if (fault)
+        log_error("sessions", "%s: %s; remove this file, else the next start does not resume it",
+                  path, strerror(fault));
 }
 
 // ---- running it again ---------------------------------------------------------------------------
@@ -123,6 +137,15 @@ static void go_on(struct resumed *r) {
     runtime->ahead_ns = runtime->last_ns > now_ns ? runtime->last_ns - now_ns : 0;
 }
 
+// The next start finds it in the list again.
+static void set_aside(const struct resumed *r, const struct error *err) {
+    log_error("sessions",
+              "station %s: its session is set aside, and the next start tries again, unless the "
+              "station has begun another one: %s",
+              station_name(r->sessions, r->station), err->text);
+    own_traces_note(r->sessions, r->path);
+}
+
 static int64_t resume_one(void *data) {
     struct resumed *r = data;
     struct error err;
@@ -131,6 +154,11 @@ static int64_t resume_one(void *data) {
     if (!set_marker(r))
         return TASK_DONE;
     enum result result = restore_run(r->sessions, r->path, NULL, &r->restored, &err);
+    for (int i = 1; result == RESULT_IO && i < TRIES; i++) {
+        nanosleep(&try_again, NULL);
+        restore_fini(&r->restored);
+        result = restore_run(r->sessions, r->path, NULL, &r->restored, &err);
+    }
     clear_marker(r);
     if (r->restored.session)
         go_on(r);
@@ -140,6 +168,8 @@ static int64_t resume_one(void *data) {
                     "step %llu in %.1f s",
                     station, (unsigned long long)r->restored.place.step,
                     (double)(clock_now_ns() - begin_ns) / 1e9);
+    else if (result == RESULT_IO)
+        set_aside(r, &err);
     else if (result != RESULT_CLOSED)
         log_error("sessions", "station %s: its session cannot go on: %s", station, err.text);
     if (result == RESULT_REFUSED)
@@ -157,7 +187,8 @@ static void claim_slot(struct resumed *r) {
     CHECK(claimed);
 }
 
-void resume_replay(struct sessions *s) {
+enum result resume_replay(struct sessions *s, struct error *err) {
+    enum result result = RESULT_OK;
     struct task_pool_settings settings = {.threads = sessions_worker_count(&s->config),
                                           .tasks_max = STATIONS_MAX};
     struct task_pool *pool = task_pool_create(&settings);
@@ -165,23 +196,23 @@ void resume_replay(struct sessions *s) {
     for (int i = 0; i < s->config.station_count; i++) {
         struct resumed *r = &s->resumed[i];
         *r = (struct resumed){.sessions = s, .station = i};
-        if (find_trace(r))
+        if (result == RESULT_OK)
+            result = find_trace(r, err);
+        if (result == RESULT_OK && r->path[0])
             task_pool_add(pool, &(struct task){.run = resume_one, .data = r});
-        else
-            r->path[0] = '\0';
     }
     task_pool_drain(pool);
     task_pool_destroy(&pool);
     for (int i = 0; i < s->config.station_count; i++)
         claim_slot(&s->resumed[i]);
+    return result;
 }
 
 // ---- going on -----------------------------------------------------------------------------------
 
 // The slot has no session then, and the station gets a new one.
 static void give_up(struct resumed *r, const struct error *err) {
-    log_error("sessions", "station %s: its session cannot go on: %s",
-              station_name(r->sessions, r->station), err->text);
+    set_aside(r, err);
     station_slot_failed(&r->sessions->slots[r->station], 0);
     restore_fini(&r->restored);
 }

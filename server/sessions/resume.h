@@ -8,8 +8,10 @@
 
 #include "sessions/parts.h"
 
-// Before anybody can connect: runs the sessions again and claims their slots.
-void resume_replay(struct sessions *sessions);
+// Before anybody can connect: runs the sessions again and claims their slots. A session whose files
+// cannot be read is named in the log and stays open, for the next start. RESULT_IO: the folder of
+// traces cannot be read.
+enum result resume_replay(struct sessions *sessions, struct error *err);
 // Before the records are opened: locks and opens the traces of resumed sessions, closes those that
 // cannot go on.
 void resume_open_traces(struct sessions *sessions);
@@ -18,10 +20,12 @@ void resume_attach(struct sessions *sessions);
 // Instead, if the server cannot start.
 void resume_release(struct sessions *sessions);
 
-// The path of the station's newest trace; empty if there is none.
-void resume_newest(const struct sessions *sessions, const char *station,
-                   char out_path[SESSIONS_PATH_MAX]);
-// Whether somebody wrote to a trace within the time that a session waits for its station.
+// The path of the station's newest trace; empty if there is none. RESULT_IO: the folder cannot be
+// read.
+enum result resume_newest(const struct sessions *sessions, const char *station,
+                          char out_path[SESSIONS_PATH_MAX], struct error *err);
+// Whether somebody wrote to a trace within the time that a session waits for its station, as far as
+// the system tells.
 bool resume_is_recent(const struct sessions *sessions, const char *path);
 // The file that stands beside a trace while the server runs it again. If a start finds one, the
 // program did not survive that.

@@ -205,9 +205,9 @@ static enum result prepare(struct sessions *s, struct error *err) {
         return result;
     fork_clear(s->config.traces_dir);
     own_traces_read(s);
-    resume_replay(s);
+    result = resume_replay(s, err);
     return sessions_are_ending(s) ? fail(err, RESULT_TIMEOUT, "the server ends while it starts")
-                                  : RESULT_OK;
+                                  : result;
 }
 
 enum result sessions_create(const struct sessions_config *config, const atomic_bool *cancelled,

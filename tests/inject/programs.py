@@ -43,6 +43,7 @@ class Scenario:
     """A program and what it works on, in a folder of its own for each run."""
     name, program = "", ""
     in_short = True  # ./check samples it, too
+    all_of = ()  # doors of which each call is needed
 
     def __init__(self, shared):
         self.shared = shared
@@ -84,10 +85,16 @@ class Scenario:
                 self.plan.fail(*failing, **how)
             outcome = self.go(folder)
             self.plan.calm()
-            fault = outcome.fault() or self.check(folder, outcome)
+            fault = outcome.fault() or self.check(folder, outcome) or self.unheeded(failing, outcome)
             if not failing and outcome.status:
                 fault = f"ended with {outcome.status} though nothing failed"
         return fault, outcome
+
+
+    def unheeded(self, failing, outcome):
+        """A read that failed is the end of no file."""
+        took = failing and failing[0] in self.all_of and self.plan.failed() and outcome.status == 0
+        return f"a call of {failing[0]} failed, and it ended with 0" if took else ""
 
 
 class Keys(Scenario):
@@ -154,6 +161,7 @@ class Show(Scenario):
 class OfTrace(Scenario):
     """The session of tests/corpus, with cuts and an undo."""
     program = "arthron-trace"
+    all_of = ("read", "open")
 
     def __init__(self, shared):
         super().__init__(shared)
@@ -197,6 +205,22 @@ class Csv(OfTrace):
             with open(out, "rb") as f:
                 return "" if len(f.read()) >= len(self.table) else "the table is cut short though it ended with 0"
         return "leaves a table that is none" if os.path.exists(out) and ORDERLY not in outcome.text else ""
+
+
+class Picture(OfTrace):
+    name = "trace picture"
+    in_short = False
+
+    def command(self, folder):
+        return ["picture", self.trace, "--case", self.case, "--out", folder + "/out.png"]
+
+
+class Scene(OfTrace):
+    name = "trace scene"
+    in_short = False
+
+    def command(self, folder):
+        return ["export", self.trace, "--case", self.case, "--gltf", folder + "/out.glb"]
 
 
 class Report(OfTrace):
@@ -250,7 +274,7 @@ class Backup(OfRecords):
     def check(self, folder, outcome):
         if outcome.status == 0:
             call("arthron-server", "restore", folder + "/copy.db", "--file", folder + "/records.db")
-        elif os.path.exists(folder + "/copy.db") and ORDERLY not in outcome.text:
+        elif os.path.exists(folder + "/copy.db") and ORDERLY not in outcome.text and "wrote" not in outcome.text:
             return "leaves a backup that is none"
         return super().check(folder, outcome)
 
@@ -267,21 +291,24 @@ class Restore(OfRecords):
 
     def allowed(self, outcome):
         before, after = ["ada", "grace", "mary"], ["ada", "grace"]
-        exchanged = "the replaced file is kept" in outcome.text or ORDERLY in outcome.text
+        exchanged = any(said in outcome.text for said in ("the replaced file is kept", "wrote", ORDERLY))
         return [after] if outcome.status == 0 else [before, after] if exchanged else [before]
 
 
 class Serve(Scenario):
     """Starts, is ready, ends."""
     name, program = "server start", "arthron-server"
+    ending = signal.SIGTERM
+    stations = f"[case healthy]\ndir = {CASES}/healthy\n[station room-1]\ncase = healthy"
 
     def prepare(self, folder):
         if not os.path.exists(self.shared + "/keys"):
             call("arthron-server", "keys", "init", self.shared + "/keys")
         shutil.copytree(self.shared + "/keys", folder + "/keys")
         with open(folder + "/server.ini", "w") as f:
-            f.write(f"""
+            f.write(f"""{self.stations}
 [server]
+wait_s = 86400
 address = 127.0.0.1
 port = {free_port()}
 udp_port = {free_port()}
@@ -293,10 +320,6 @@ records = records.db
 [web]
 address = 127.0.0.1
 port = {free_port()}
-[case healthy]
-dir = {CASES}/healthy
-[station room-1]
-case = healthy
 """)
 
     def command(self, folder):
@@ -309,8 +332,36 @@ case = healthy
                 raise subprocess.TimeoutExpired(self.name, PATIENCE_S)
             time.sleep(0.01)
         if process.poll() is None:
-            process.terminate()
+            process.send_signal(self.ending)
         return process.wait(PATIENCE_S)
 
 
-SCENARIOS = (Keys, Enrol, Generate, Show, Verify, Replay, Csv, Report, Add, Backup, Restore, Serve)
+class Resume(Serve):
+    """Starts with two sessions that a killed server left, and hands them over."""
+    name = "server resume"
+    in_short = False
+    ending = signal.SIGUSR1
+    stations = "[case tear-radial]\ndir = case\n[station demo]\ncase = tear-radial\n[station room-2]\ncase = tear-radial"
+    sessions = {"demo-20261122T153400Z-fe965edd.trace": "version4", "room-2-20261122T153400Z-5a5a5a5a.trace": "version5"}
+
+    def prepare(self, folder):
+        super().prepare(folder)
+        with tarfile.open(CORPUS + "/case.tar.xz") as packed:
+            packed.extractall(folder)
+        os.mkdir(folder + "/traces")
+        with open(folder + "/records.db.begun", "w") as begun:
+            for name, version in self.sessions.items():
+                with lzma.open(f"{SOURCE}/tests/corpus/trace/{version}/cuts.trace.xz") as packed:
+                    with open(f"{folder}/traces/{name}", "wb") as out:
+                        out.write(packed.read(60000))  # amid a record, as kill -9 leaves it
+                begun.write(name + "\n")
+
+    def check(self, folder, outcome):
+        again = super().go(folder)
+        if again.status:
+            return f"the next start: {again.text[-300:]}"
+        wrong = [name for name in self.sessions if f"station {name.split('-2026')[0]}: its session was open" not in again.text]
+        return f"lost: {', '.join(wrong)}" if wrong else ""
+
+
+SCENARIOS = (Keys, Enrol, Generate, Show, Verify, Replay, Csv, Picture, Scene, Report, Add, Backup, Restore, Serve, Resume)

@@ -7,9 +7,9 @@
 #include <openigtlink/igtl_tdata.h>
 #include <openigtlink/igtl_transform.h>
 #include <openigtlink/igtl_util.h>
+#include <stdio.h>
 #include <string.h>
 
-static const int newest_version = 3;
 static const double farthest_from_rotation = 0.05; // of any element of RᵀR from the identity's
 
 // The length of a quaternion says nothing, and the protocol's own examples have one of 0.88; zero
@@ -192,9 +192,29 @@ static enum result read_answer(const struct igtl_content *c, struct igtl_message
     return RESULT_OK;
 }
 
+// Code, subcode, name of the error, text.
+static enum result read_status(const struct igtl_content *c, struct igtl_message *out,
+                               struct error *err) {
+    enum { NAME_AT = 10, TEXT_AT = 30 };
+    char name[TEXT_AT - NAME_AT + 1], text[IGTL_STATUS_SIZE];
+    if (c->size < TEXT_AT)
+        return wrong_size(c, "STATUS", err);
+    size_t length = c->size - TEXT_AT;
+    copy_name(name, (const char *)c->bytes + NAME_AT, TEXT_AT - NAME_AT);
+    copy_name(text, (const char *)c->bytes + TEXT_AT,
+              length < sizeof text ? length : sizeof text - 1);
+    out->status = c->bytes[0] << 8 | c->bytes[1];
+    snprintf(out->status_text, sizeof out->status_text, "%s%s%.40s", name,
+             name[0] && text[0] ? ": " : "", text);
+    for (char *at = out->status_text; *at; at++)
+        *at = *at >= ' ' && *at <= '~' ? *at : '?';
+    return RESULT_OK;
+}
+
 static const struct type types[] = {
     {"RTS_TDATA", read_answer},  {"RTS_QTDATA", read_answer}, {"TRANSFORM", read_transform},
     {"POSITION", read_position}, {"TDATA", read_tdata},       {"QTDATA", read_qtdata},
+    {"STATUS", read_status},
 };
 
 // ---- the stream ---------------------------------------------------------------------------------
@@ -202,7 +222,7 @@ static const struct type types[] = {
 static const struct type *type_of(const igtl_header *header) {
     char name[IGTL_HEADER_TYPE_SIZE + 1];
     copy_name(name, header->name, IGTL_HEADER_TYPE_SIZE);
-    if (header->version < 1 || header->version > newest_version)
+    if (header->version < 1 || header->version > IGTL_NEWEST_VERSION)
         return NULL;
     for (size_t i = 0; i < sizeof types / sizeof *types; i++)
         if (!strcmp(name, types[i].name))
@@ -244,6 +264,10 @@ static enum igtl_event read_message(const struct igtl_stream *s, struct igtl_mes
     out->count = out->refused = 0;
     out->denied = false;
     out->stamp_ns = stamp_of(&s->header);
+    out->version = s->header.version;
+    copy_name(out->device, s->header.device_name, IGTL_HEADER_NAME_SIZE);
+    if (out->version < 1 || out->version > IGTL_NEWEST_VERSION)
+        return IGTL_SKIPPED;
     if (s->header.body_size && s->crc != s->header.crc) {
         fail(err, RESULT_CORRUPT, "%s: wrong checksum", type ? type->name : "a message");
         return IGTL_REFUSED;
@@ -255,10 +279,13 @@ static enum igtl_event read_message(const struct igtl_stream *s, struct igtl_mes
              (unsigned long long)s->header.body_size);
         return IGTL_REFUSED;
     }
+    out->names_tools = type->read == read_tdata || type->read == read_qtdata;
     if (find_content(s, &content, err) != RESULT_OK || type->read(&content, out, err) != RESULT_OK)
         return IGTL_REFUSED;
     if (type->read == read_answer)
         return out->denied ? IGTL_DENIED : IGTL_SKIPPED;
+    if (type->read == read_status)
+        return IGTL_STATUS;
     if (!out->count && out->refused) {
         fail(err, RESULT_INVALID, "%s: no valid rotation", type->name);
         return IGTL_REFUSED;

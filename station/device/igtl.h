@@ -1,7 +1,7 @@
 // Reads tracked poses out of an OpenIGTLink byte stream: bytes in, messages out, no sockets.
 //
-// Read are TRANSFORM, TDATA, POSITION and QTDATA with header versions 1 to 3, and what a server
-// says to a request for them (device/igtl_request.h). Any other type or version is skipped by its
+// Read are TRANSFORM, TDATA, POSITION and QTDATA with header versions 1 to 3, STATUS, and what a
+// server says to a request (device/igtl_request.h). Any other type or version is skipped by its
 // length; a message whose checksum, length or values are wrong is refused; the stream goes on after
 // both. Only an absurd length ends it.
 #pragma once
@@ -18,11 +18,15 @@
 #define IGTL_NAME_SIZE 21          // with the final 0
 #define IGTL_BODY_MAX 65536        // of a message that is read
 #define IGTL_SKIP_MAX (1ULL << 30) // of any message
+#define IGTL_NEWEST_VERSION 3      // of a header; the oldest is 1
+#define IGTL_STATUS_OK 1
+#define IGTL_STATUS_SIZE 64 // of its text, with the final 0
 
 enum igtl_event {
     IGTL_NOTHING, // the message is not complete yet
     IGTL_POSES,   // *out_message was written
     IGTL_DENIED,  // the server refuses a request
+    IGTL_STATUS,  // the server tells how it is
     IGTL_SKIPPED, // a message of another type or version
     IGTL_REFUSED, // a malformed message
     IGTL_BROKEN,  // an absurd length: where the next message starts is not known any more
@@ -32,8 +36,13 @@ struct igtl_message {
     int64_t
         stamp_ns; // on the sender's clock, since 1970 UTC where it keeps to the standard; 0: none
     int count;
-    int refused; // tools of this message whose pose is none
-    bool denied; // IGTL_DENIED
+    int refused;                        // tools of this message whose pose is none
+    int version;                        // of its header, known or not
+    char device[IGTL_NAME_SIZE];        // that sent it
+    bool names_tools;                   // TDATA and QTDATA: its tools have names of their own
+    bool denied;                        // IGTL_DENIED
+    int status;                         // IGTL_STATUS: IGTL_STATUS_OK, or what is wrong
+    char status_text[IGTL_STATUS_SIZE]; // in the server's words; what cannot be printed is '?'
     struct igtl_tool {
         char name[IGTL_NAME_SIZE]; // TRANSFORM and POSITION: the device's, TDATA and QTDATA: the
                                    // tool's

@@ -5,10 +5,12 @@
 //   tip.CHANNEL       T_tool_tip (bones: where the bone's frame lies in the marker's)
 //   T_mockup_tracker  where the tracker's frame lies in the mock-up's
 //   stamps            no: the tracker's time stamps mean nothing; yes
-//   request           what it is asked to send (device/igtl_request.h): auto, TDATA, QTDATA or
-//                     none; auto
+//   request           what it is asked to send (device/igtl_request.h): auto, TDATA, QTDATA,
+//                     TRANSFORM, POSITION or none; auto
 //   request_ms        the shortest time between two messages that are asked for, 1 to 1000; 5
 //   coordinates       name of the coordinate system that is asked for; empty
+//   device            name of the device whose TDATA or QTDATA is meant, where there are several;
+//   any
 //
 // A sample is T_mockup_tracker · T_tracker_tool · T_tool_tip, at the time when its bytes came: the
 // messages' own time stamps are of a clock that we do not know. They tell which message is late
@@ -43,7 +45,10 @@ struct tracker {
     bool uses_stamps;
     bool is_unstamped; // this connection: what its messages have for a stamp stands still
     struct igtl_request request;
-    bool denied; // it said no to the newest request
+    bool denied;         // it said no to the newest request
+    int unknown_version; // that was told; 0: none
+    int status;          // that it told last
+    char status_text[IGTL_STATUS_SIZE];
     struct stamp_clock clock;
     struct tracker_newest {
         int64_t stamp_ns, arrival_ns; // stamp_ns 0: none
@@ -68,6 +73,7 @@ static enum result configure_tools(struct tracker *d, const struct device_config
             return option_fail(config, key, err, RESULT_INVALID, "a name has 1 to %d bytes",
                                IGTL_NAME_SIZE - 1);
         strcpy(d->tools[i], name);
+        strcpy(d->request.tools[d->request.tool_count++], name);
         outputs_add(outputs, (enum channel)i, SAMPLE_POSE);
     }
     if (!outputs->count)
@@ -78,7 +84,9 @@ static enum result configure_tools(struct tracker *d, const struct device_config
 static enum result configure_request(struct igtl_request *request,
                                      const struct device_config *config, struct error *err) {
     const char *kind = option_text(config, "request");
-    const char *coordinates = option_text(config, "coordinates"), *names[5] = {NULL};
+    const char *coordinates = option_text(config, "coordinates");
+    const char *device = option_text(config, "device");
+    const char *names[IGTL_REQUEST_KIND_COUNT + 1] = {NULL};
     int at = 0;
     for (int i = 0; i < IGTL_REQUEST_KIND_COUNT; i++)
         names[i] = igtl_request_name((enum igtl_request_kind)i);
@@ -91,14 +99,18 @@ static enum result configure_request(struct igtl_request *request,
         return option_fail(config, "coordinates", err, RESULT_LIMIT, "a name has at most %zu bytes",
                            sizeof request->coordinates - 1);
     strcpy(request->coordinates, coordinates ? coordinates : "");
+    if (device && strlen(device) >= sizeof request->device)
+        return option_fail(config, "device", err, RESULT_LIMIT, "a name has at most %zu bytes",
+                           sizeof request->device - 1);
+    strcpy(request->device, device ? device : "");
     return option_integer(config, "request_ms", 1, 1000, 5, &request->interval_ms, err);
 }
 
 static enum result configure(struct tracker *d, const struct device_config *config,
                              struct device_outputs *outputs, struct error *err) {
-    static const char *const keys[] = {"address",          "tool.",       "tip.",
-                                       "T_mockup_tracker", "stamps",      "request",
-                                       "request_ms",       "coordinates", NULL};
+    static const char *const keys[] = {"address", "tool.",   "tip.",       "T_mockup_tracker",
+                                       "stamps",  "request", "request_ms", "coordinates",
+                                       "device",  NULL};
     char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
     struct error why;
     enum result result = options_check(config, keys, err);
@@ -136,6 +148,8 @@ static enum result tracker_open(void *device, struct error *err) {
     d->clock = (struct stamp_clock){0};
     memset(d->newest, 0, sizeof d->newest);
     d->denied = d->is_unstamped = false;
+    d->unknown_version = 0;
+    d->status = IGTL_STATUS_OK;
     igtl_request_begin(&d->request, clock_now_ns());
     return socket_connect(d->address, connect_timeout_ms, &d->fd, err);
 }
@@ -226,6 +240,32 @@ static void take_message(struct tracker *d, int64_t time_ns, struct device_readi
                 take_tool(d, (enum channel)c, d->message.tools[i].T_tracker_tool, time_ns, reading);
 }
 
+// TDATA and QTDATA; TRANSFORM and POSITION have the tool's name for a device.
+static bool is_of_another_device(const struct tracker *d) {
+    return d->message.names_tools && d->request.device[0] &&
+           strcmp(d->message.device, d->request.device) != 0;
+}
+
+// Once for each version and connection.
+static enum result check_version(struct tracker *d, struct error *err) {
+    int version = d->message.version;
+    if ((version >= 1 && version <= IGTL_NEWEST_VERSION) || version == d->unknown_version)
+        return RESULT_OK;
+    d->unknown_version = version;
+    return fail(err, RESULT_FORMAT,
+                "%s: sends messages of OpenIGTLink version %d, of which only 1 to %d are known",
+                d->address, version, IGTL_NEWEST_VERSION);
+}
+
+static void take_status(struct tracker *d) {
+    bool is_new =
+        d->status != d->message.status || strcmp(d->status_text, d->message.status_text) != 0;
+    d->status = d->message.status;
+    strcpy(d->status_text, d->message.status_text);
+    if (is_new && d->status != IGTL_STATUS_OK)
+        log_warning("tracker", "%s: says status %d: %s", d->address, d->status, d->status_text);
+}
+
 static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t size,
                               struct device_reading *reading, struct error *err) {
     int64_t time_ns = clock_now_ns();
@@ -237,6 +277,12 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
         size -= taken;
         if (event == IGTL_BROKEN)
             return fail_in(err, RESULT_CLOSED, "%s: ", d->address);
+        if (event != IGTL_NOTHING && event != IGTL_REFUSED)
+            igtl_request_heard(&d->request, d->message.version);
+        if (event == IGTL_SKIPPED && check_version(d, err) != RESULT_OK)
+            result = RESULT_FORMAT;
+        if (event == IGTL_POSES && is_of_another_device(d))
+            event = IGTL_SKIPPED;
         if (event == IGTL_POSES && check_stamp(d, time_ns, err) != RESULT_OK)
             event = IGTL_REFUSED;
         if (event == IGTL_POSES) {
@@ -244,7 +290,9 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
             take_message(d, time_ns, reading);
         }
         d->denied |= event == IGTL_DENIED;
-        reading->skipped += event == IGTL_SKIPPED;
+        if (event == IGTL_STATUS)
+            take_status(d);
+        reading->skipped += event == IGTL_SKIPPED || event == IGTL_STATUS;
         reading->malformed += event == IGTL_REFUSED;
         if (event == IGTL_REFUSED)
             result = fail_in(err, RESULT_FORMAT, "%s: ", d->address);
@@ -254,7 +302,7 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
 
 // A few bytes, of which the socket's buffer has room at any time.
 static void send_request(struct tracker *d) {
-    uint8_t bytes[IGTL_REQUEST_BYTES];
+    uint8_t bytes[IGTL_REQUEST_BYTES_MAX];
     size_t size = igtl_request_next(&d->request, clock_now_ns(), bytes);
     if (!size)
         return;
@@ -264,6 +312,12 @@ static void send_request(struct tracker *d) {
 }
 
 static enum result tell_silence(const struct tracker *d, struct error *err) {
+    if (d->unknown_version)
+        return fail(err, RESULT_TIMEOUT, "%s: the tracker sends nothing but version %d", d->address,
+                    d->unknown_version);
+    if (d->status != IGTL_STATUS_OK)
+        return fail(err, RESULT_TIMEOUT, "%s: the tracker sends nothing; it says status %d: %s",
+                    d->address, d->status, d->status_text);
     if (!d->request.count)
         return fail(err, RESULT_TIMEOUT, "%s: the tracker sends nothing", d->address);
     return fail(err, RESULT_TIMEOUT, "%s: the tracker sends nothing; it %s %s", d->address,
@@ -276,8 +330,11 @@ static enum result tracker_poll(void *device, struct device_reading *reading, st
     uint8_t bytes[16384];
     send_request(d);
     struct pollfd ready = {.fd = d->fd, .events = POLLIN};
-    if (poll(&ready, 1, (int)(POLL_MAX_NS / NS_PER_MS)) == 0)
-        return tell_silence(d, err);
+    int64_t due_ns = d->request.due_ns - clock_now_ns();
+    bool asks_soon = d->request.kind != IGTL_REQUEST_NONE && due_ns >= 0 && due_ns < POLL_MAX_NS;
+    struct timespec wait = {0, asks_soon ? due_ns : POLL_MAX_NS};
+    if (ppoll(&ready, 1, &wait, NULL) == 0)
+        return asks_soon ? RESULT_OK : tell_silence(d, err);
     ssize_t size = recv(d->fd, bytes, sizeof bytes, 0);
     if (size > 0)
         return take_bytes(d, bytes, (size_t)size, reading, err);

@@ -9,7 +9,11 @@
 
 struct client {
     int fd;
-    bool asked;             // STT_TDATA or STT_QTDATA came, and no STP_ since
+    enum message_type
+        offers;             // what it may ask for: TDATA and QTDATA (either), or one of the others
+    int version;            // of the headers that we send
+    bool asked;             // STT_TDATA or STT_QTDATA came, and no STP_ since; or a GET_
+    bool once;              // a GET_ came: it gets one frame
     enum message_type type; // that it asked for
     int64_t interval_ns;    // the shortest between two messages
     int64_t sent_ns;

@@ -74,23 +74,19 @@ static size_t content_of(enum message_type type, const struct tracked_tool *tool
     return sizeof element;
 }
 
-static size_t encode_message(enum message_type type, int version, int64_t utc_ns,
-                             const char *device, const struct tracked_tool *tools, int count,
-                             uint8_t *out) {
+// The content lies in its place, behind the header and what version 2 has before it.
+static size_t finish_message(const char *type, int version, int64_t utc_ns, const char *device,
+                             size_t content_size, uint8_t *out) {
     uint8_t *body = out + IGTL_HEADER_SIZE;
-    size_t size = 0;
+    size_t size = content_size;
     if (version > 1) {
         memcpy(body, extended_header, sizeof extended_header);
         size += sizeof extended_header;
-    }
-    for (int i = 0; i < count; i++)
-        size += content_of(type, &tools[i], body + size);
-    if (version > 1) {
         memcpy(body + size, metadata, sizeof metadata);
         size += sizeof metadata;
     }
     igtl_header header = {.version = (igtl_uint16)version, .body_size = size};
-    copy_name(header.name, type_names[type], sizeof header.name);
+    copy_name(header.name, type, sizeof header.name);
     copy_name(header.device_name, device, sizeof header.device_name);
     header.timestamp = (uint64_t)(utc_ns / NS_PER_S) << 32 |
                        igtl_nanosec_to_frac((igtl_uint32)(utc_ns % NS_PER_S));
@@ -98,6 +94,27 @@ static size_t encode_message(enum message_type type, int version, int64_t utc_ns
     igtl_header_convert_byte_order(&header);
     memcpy(out, &header, sizeof header);
     return sizeof header + size;
+}
+
+static uint8_t *content_in(uint8_t *out, int version) {
+    return out + IGTL_HEADER_SIZE + (version > 1 ? sizeof extended_header : 0);
+}
+
+size_t encode_answer(const char *type, int header_version, const void *content, size_t size,
+                     uint8_t out[ENCODE_ANSWER_MAX]) {
+    CHECK(size <= ENCODE_ANSWER_MAX - 128);
+    memcpy(content_in(out, header_version), content, size);
+    return finish_message(type, header_version, 0, "Tracker", size, out);
+}
+
+static size_t encode_message(enum message_type type, int version, int64_t utc_ns,
+                             const char *device, const struct tracked_tool *tools, int count,
+                             uint8_t *out) {
+    uint8_t *content = content_in(out, version);
+    size_t size = 0;
+    for (int i = 0; i < count; i++)
+        size += content_of(type, &tools[i], content + size);
+    return finish_message(type_names[type], version, utc_ns, device, size, out);
 }
 
 size_t encode_tools(enum message_type type, int version, int64_t utc_ns,

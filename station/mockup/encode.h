@@ -16,6 +16,12 @@ struct tracked_tool {
     pose T_tracker_tool;
 };
 
+#define ENCODE_ANSWER_MAX 256
+
+// A message from the device "Tracker" without a stamp, its content at most 128 bytes.
+size_t encode_answer(const char *type, int header_version, const void *content, size_t size,
+                     uint8_t out[ENCODE_ANSWER_MAX]);
+
 // TRANSFORM and POSITION: one message a tool, TDATA and QTDATA: one message of all. Header version
 // 1, or 2 and 3 with an extended header and metadata ("Status": "OK"). Returns the bytes written.
 size_t encode_tools(enum message_type type, int header_version, int64_t utc_ns,

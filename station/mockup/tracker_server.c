@@ -118,6 +118,7 @@ static void send_to_all(const struct tracker_server *s, struct clients *clients,
         if (!wants(s, client, type))
             continue;
         client->sent_ns = clock_now_ns();
+        client->asked &= !client->once;
         if (!client_send(client, bytes, size))
             drop(clients, i);
     }
@@ -133,9 +134,11 @@ static void play(const struct tracker_server *s, const struct cursor *c, struct 
         return;
     int version = strike(s, FAULT_NEWER_VERSION, due) ? newer_version : s->header_version;
     spoil_tools(s, due, tools, count);
+    bool streams = s->type == MESSAGE_TDATA || s->type == MESSAGE_QTDATA;
     for (int t = MESSAGE_TRANSFORM; t <= MESSAGE_QTDATA; t++) {
         enum message_type type = (enum message_type)t;
-        if (s->when_asked ? type != MESSAGE_TDATA && type != MESSAGE_QTDATA : type != s->type)
+        bool is_either = streams && (type == MESSAGE_TDATA || type == MESSAGE_QTDATA);
+        if (type != s->type && !(s->when_asked && is_either))
             continue;
         size_t size = encode_tools(type, version, stamp_ns(s, due, seconds), tools, count, bytes);
         size = faults_spoil(s->faults, FAULT_TRACKER, due, bytes, size);
@@ -148,7 +151,8 @@ static void accept_client(const struct tracker_server *s, struct clients *client
     if (fd >= 0 && clients->count == CLIENTS_MAX)
         close(fd);
     else if (fd >= 0)
-        clients->list[clients->count++] = (struct client){.fd = fd};
+        clients->list[clients->count++] =
+            (struct client){.fd = fd, .offers = s->type, .version = s->header_version};
 }
 
 // Without --when-asked only that clients go is of interest.

@@ -13,7 +13,8 @@ struct tracker_server {
     const struct player *player;
     const atomic_bool *stop;
     enum message_type type;
-    bool when_asked; // TDATA or QTDATA, to clients that asked for it (STT_TDATA, STT_QTDATA) only
+    bool when_asked; // to clients only that asked: TDATA or QTDATA (STT_), else a frame for each
+                     // GET_
     int header_version;
     double rate_hz; // 0: each row of the file at its own time; else the file interpolated
     pose T_tracker_mockup, T_tool_tip[CHANNEL_COUNT];

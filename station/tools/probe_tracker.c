@@ -15,12 +15,16 @@
 #include <unistd.h>
 
 #define CONNECT_MS 1000
-#define POLL_MS 50
-#define REQUEST_MS 5 // as the driver's
+#define POLL_MS 5
+#define LONGEST_S 5.0 // until all requests were tried
+#define REQUEST_MS 5  // as the driver's
 
 struct seen {
     int count, skipped, refused;
-    int64_t first_ns; // when the first pose came
+    int unknown_version, status; // the newest; 0: none
+    char status_text[IGTL_STATUS_SIZE];
+    enum igtl_request_kind asked; // what brought the poses; NONE: they come by themselves
+    int64_t first_ns;             // when the first pose came
     struct {
         char name[IGTL_NAME_SIZE];
         int messages;
@@ -55,6 +59,13 @@ static bool take_bytes(struct listening *l, const uint8_t *bytes, size_t size) {
         bytes += taken;
         size -= taken;
         l->seen.skipped += event == IGTL_SKIPPED;
+        if (event == IGTL_SKIPPED &&
+            (l->message.version < 1 || l->message.version > IGTL_NEWEST_VERSION))
+            l->seen.unknown_version = l->message.version;
+        if (event == IGTL_STATUS) {
+            l->seen.status = l->message.status;
+            strcpy(l->seen.status_text, l->message.status_text);
+        }
         l->seen.refused += event == IGTL_REFUSED;
         for (int i = 0; event == IGTL_POSES && i < l->message.count; i++)
             take_tool(&l->seen, &l->message.tools[i]);
@@ -65,9 +76,10 @@ static bool take_bytes(struct listening *l, const uint8_t *bytes, size_t size) {
 }
 
 static void listen_to(int fd, double seconds, struct listening *l) {
-    int64_t end_ns = clock_now_ns() + (int64_t)(seconds * 1e9);
-    uint8_t bytes[16384], request_bytes[IGTL_REQUEST_BYTES];
+    int64_t end_ns = clock_now_ns() + (int64_t)(LONGEST_S * NS_PER_S);
+    uint8_t bytes[16384], request_bytes[IGTL_REQUEST_BYTES_MAX];
     struct igtl_request request = {.kind = IGTL_REQUEST_AUTO, .interval_ms = REQUEST_MS};
+    l->seen.asked = IGTL_REQUEST_NONE;
     igtl_stream_init(&l->stream);
     igtl_request_begin(&request, clock_now_ns());
     for (int64_t now_ns; (now_ns = clock_now_ns()) < end_ns;) {
@@ -82,8 +94,12 @@ static void listen_to(int fd, double seconds, struct listening *l) {
             continue;
         if (size <= 0 || !take_bytes(l, bytes, (size_t)size))
             return;
-        if (l->seen.count && !l->seen.first_ns)
+        igtl_request_heard(&request, l->message.version);
+        if (l->seen.count && !l->seen.first_ns) {
             l->seen.first_ns = clock_now_ns();
+            l->seen.asked = request.asked;
+            end_ns = l->seen.first_ns + (int64_t)(seconds * NS_PER_S);
+        }
         if (l->seen.count)
             igtl_request_answered(&request, clock_now_ns());
     }
@@ -109,8 +125,15 @@ static void report(const char *address, struct seen *seen, FILE *config, json_t 
     json_t *tools = json_array();
     fprintf(config, "\n; %s: %d other messages, %d malformed\n", address, seen->skipped,
             seen->refused);
+    if (seen->unknown_version)
+        fprintf(config, "; it sends OpenIGTLink version %d; 1 to %d are known\n",
+                seen->unknown_version, IGTL_NEWEST_VERSION);
+    if (seen->status > IGTL_STATUS_OK)
+        fprintf(config, "; it says status %d: %s\n", seen->status, seen->status_text);
     fprintf(config, "[device tracker-%zu]\ndriver = tracker\naddress = %s\n",
             json_array_size(out) + 1, address);
+    if (seen->count && seen->asked != IGTL_REQUEST_NONE)
+        fprintf(config, "request = %s\n", igtl_request_name(seen->asked));
     for (int i = 0; i < seen->count; i++) {
         char channel[IGTL_NAME_SIZE], *name = seen->tools[i].name;
         double rate_hz = seen->tools[i].messages / seconds;
@@ -141,7 +164,7 @@ enum result probe_tracker(const char *address, double seconds, FILE *config, jso
     if (!l->seen.count)
         result = fail(err, RESULT_TIMEOUT,
                       "%s: the tracker sent no pose within %.0f s. Bring a tool into its view",
-                      address, seconds);
+                      address, LONGEST_S);
     free(l);
     return result;
 }

@@ -46,6 +46,8 @@ static struct told feed(const uint8_t *data, size_t size, size_t piece) {
         CHECK(taken <= given && (taken || event != IGTL_NOTHING));
         at += taken;
         told.events[event] += event != IGTL_NOTHING;
+        CHECK(event != IGTL_STATUS ||
+              strnlen(message.status_text, IGTL_STATUS_SIZE) < IGTL_STATUS_SIZE);
         for (int i = 0; event == IGTL_POSES && i < message.count; i++, told.tools++)
             CHECK(pose_is_valid(message.tools[i].T_tracker_tool) &&
                   strlen(message.tools[i].name) < IGTL_NAME_SIZE);

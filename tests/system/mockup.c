@@ -288,17 +288,24 @@ static void every_message_and_header_version_brings_the_tip_to_the_mockup(void *
 
 static void a_tracker_that_sends_only_when_asked_is_asked(void **state) {
     (void)state;
-    static const char *const requests[] = {"auto", "TDATA", "QTDATA"};
-    for (int i = 0; i < 3; i++) {
-        struct mockup m = start(1, "--motion", in_folder("motion.csv"), "--tracker", "127.0.0.1:0",
-                                "--when-asked", "--T-tracker-mockup", TRACKER_POSE, "--T-tool-tip",
-                                "probe=" TIP_POSE);
+    static const struct {
+        const char *message, *version, *request;
+    } rows[] = {{"TDATA", "2", "auto"},
+                {"TDATA", "1", "TDATA"},
+                {"TDATA", "3", "QTDATA"},
+                {"TRANSFORM", "3", "auto"},
+                {"POSITION", "2", "POSITION"}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct mockup m =
+            start(1, "--motion", in_folder("motion.csv"), "--tracker", "127.0.0.1:0",
+                  "--when-asked", "--message", rows[i].message, "--header-version", rows[i].version,
+                  "--T-tracker-mockup", TRACKER_POSE, "--T-tool-tip", "probe=" TIP_POSE);
         const struct device_option options[] = {{"driver", "tracker"},
                                                 {"address", m.tracker},
                                                 {"tool.probe", "probe"},
                                                 {"tip.probe", TIP_POSE},
                                                 {"T_mockup_tracker", MOCKUP_POSE},
-                                                {"request", requests[i]}};
+                                                {"request", rows[i].request}};
         struct runner *runner = station_of("camera", options);
         watch(runner, 30, check_probe);
         assert_int_equal(0, status_of(runner).malformed);

@@ -5,6 +5,7 @@
 #include <igtlMessageHeader.h>
 #include <igtlQuaternionTrackingDataMessage.h>
 #include <igtlServerSocket.h>
+#include <igtlStatusMessage.h>
 #include <igtlTimeStamp.h>
 #include <igtlTrackingDataMessage.h>
 #include <igtlTransformMessage.h>
@@ -46,13 +47,31 @@ static void take_start(library_server *s, igtl::Socket *socket, igtl::MessageHea
     socket->Receive(start->GetPackBodyPointer(), start->GetPackBodySize());
     if (!(start->Unpack(1) & igtl::MessageHeader::UNPACK_BODY))
         return;
-    bool granted = s->kind == (quaternions ? SENDS_QTDATA : SENDS_TDATA);
+    bool has_tdata = s->kind == SENDS_TDATA || s->kind == HAS_TWO_DEVICES;
+    bool granted = quaternions ? s->kind == SENDS_QTDATA : has_tdata;
     std::lock_guard<std::mutex> guard(s->lock);
     s->record.requests++;
     s->record.interval_ms = start->GetResolution();
     std::strncpy(s->record.coordinates, start->GetCoordinateName(), 32);
+    std::strncpy(s->record.device, header->GetDeviceName(), 20);
     s->asked |= granted;
     send_status(socket, quaternions, granted);
+}
+
+static bool send_transform(library_server *s, igtl::Socket *socket);
+static bool send_state(library_server *s, igtl::Socket *socket);
+
+static void take_get(library_server *s, igtl::Socket *socket, igtl::MessageHeader *header) {
+    socket->Skip(header->GetBodySizeToRead(), 0);
+    if (s->kind != ANSWERS_GET || std::strcmp(header->GetDeviceName(), "pointer") != 0)
+        return;
+    {
+        std::lock_guard<std::mutex> guard(s->lock);
+        if (++s->record.gets % 5 == 0)
+            return;
+    }
+    s->tool_x = s->tool_x < 13 ? s->tool_x + 0.002F : 12;
+    send_transform(s, socket);
 }
 
 // False: the client has gone.
@@ -67,13 +86,18 @@ static bool hear(library_server *s, igtl::Socket *socket) {
         take_start<igtl::StartTrackingDataMessage>(s, socket, header, false);
     else if (!std::strcmp(header->GetDeviceType(), "STT_QTDATA"))
         take_start<igtl::StartQuaternionTrackingDataMessage>(s, socket, header, true);
+    else if (!std::strcmp(header->GetDeviceType(), "GET_TRANS"))
+        take_get(s, socket, header);
     else
         socket->Skip(header->GetBodySizeToRead(), 0);
+    if (!std::strcmp(header->GetDeviceType(), "GET_STATUS") && s->kind == SENDS_STATUS)
+        return send_state(s, socket);
     return true;
 }
 
 // The library leaves the stamp of a message that is not stamped as it finds it in its memory.
 static bool send(const library_server *s, igtl::Socket *socket, igtl::MessageBase *message) {
+    const unsigned char ninth[] = {0, 9};
     auto now = igtl::TimeStamp::New();
     now->GetTime();
     if (s->kind == SENDS_ONE_STAMP || s->kind == REPEATS_ITSELF)
@@ -81,7 +105,22 @@ static bool send(const library_server *s, igtl::Socket *socket, igtl::MessageBas
     else
         message->SetTimeStamp(now);
     message->Pack();
+    if (s->kind == SENDS_VERSION_9)
+        std::memcpy(message->GetPackPointer(), ninth, sizeof ninth);
     return socket->Send(message->GetPackPointer(), message->GetPackSize()) != 0;
+}
+
+static bool send_state(library_server *s, igtl::Socket *socket) {
+    auto state = igtl::StatusMessage::New();
+    {
+        std::lock_guard<std::mutex> guard(s->lock);
+        s->record.statuses++;
+    }
+    state->SetDeviceName("Tracker");
+    state->SetCode(igtl::StatusMessage::STATUS_NOT_READY);
+    state->SetErrorName("Warming up");
+    state->SetStatusString("the lamps are cold");
+    return send(s, socket, state);
 }
 
 static void put_tool(const library_server *s, igtl::Matrix4x4 &matrix) {
@@ -89,15 +128,17 @@ static void put_tool(const library_server *s, igtl::Matrix4x4 &matrix) {
     matrix[0][3] = s->tool_x;
 }
 
-static bool send_tdata(const library_server *s, igtl::Socket *socket) {
+static bool send_tdata(const library_server *s, igtl::Socket *socket,
+                       const char *device = "Tracker", float off = 0) {
     auto message = igtl::TrackingDataMessage::New();
     auto tool = igtl::TrackingDataElement::New();
     igtl::Matrix4x4 matrix;
     put_tool(s, matrix);
+    matrix[0][3] += off;
     tool->SetName("pointer");
     tool->SetType(igtl::TrackingDataElement::TYPE_6D);
     tool->SetMatrix(matrix);
-    message->SetDeviceName("Tracker");
+    message->SetDeviceName(device);
     message->AddTrackingDataElement(tool);
     return send(s, socket, message);
 }
@@ -114,7 +155,7 @@ static bool send_qtdata(const library_server *s, igtl::Socket *socket) {
     return send(s, socket, message);
 }
 
-static bool send_transform(const library_server *s, igtl::Socket *socket) {
+static bool send_transform(library_server *s, igtl::Socket *socket) {
     auto message = igtl::TransformMessage::New();
     igtl::Matrix4x4 matrix;
     put_tool(s, matrix);
@@ -131,6 +172,10 @@ static bool send_pose(library_server *s, igtl::Socket *socket) {
     case SENDS_ONE_STAMP:
     case REPEATS_ITSELF:
         return send_transform(s, socket);
+    case SENDS_VERSION_9:
+        return send_transform(s, socket);
+    case HAS_TWO_DEVICES:
+        return !s->asked || (send_tdata(s, socket) && send_tdata(s, socket, "Other", 100));
     case SENDS_TDATA:
         return !s->asked || send_tdata(s, socket);
     case SENDS_QTDATA:

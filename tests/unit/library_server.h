@@ -16,7 +16,11 @@ enum library_server_kind {
     SENDS_BY_ITSELF,
     SENDS_ONE_STAMP, // by itself, with the same stamp in each message
     REPEATS_ITSELF,  // by itself, with the same stamp and pose in each message
-    REFUSES
+    REFUSES,
+    ANSWERS_GET,     // one TRANSFORM for each GET_TRANS that names its tool, but the fifth ones
+    SENDS_STATUS,    // that it is not ready, and nothing else
+    SENDS_VERSION_9, // by itself
+    HAS_TWO_DEVICES  // as SENDS_TDATA, from "Tracker" and, 100 mm away, from "Other"
 };
 
 // What it did so far; of any thread.
@@ -24,6 +28,8 @@ struct library_server_record {
     int requests; // that the library could read, their checksums too
     int interval_ms;
     char coordinates[33];
+    int gets, statuses; // GET_TRANS for the tool, GET_STATUS
+    char device[21];    // that the newest STT_ named
 };
 
 struct library_server *library_server_start(enum library_server_kind kind, int *out_port);

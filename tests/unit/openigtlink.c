@@ -41,7 +41,7 @@ static void messages_may_be_cut_anywhere(void **state) {
     struct tracked_tool tools[2] = {{"probe", {{1, 0, 0, 0}, {1, 2, 3}}},
                                     {"punch", {{0, 1, 0, 0}, {4, 5, 6}}}};
     bytes.size = encode_tools(MESSAGE_TDATA, 2, 0, tools, 2, bytes.data);
-    append_message(&bytes, 1, "STATUS", "tracker", "some text", 9);
+    append_message(&bytes, 1, "STRING", "tracker", "some text", 9);
     append_matrix(&bytes, quarter_turn);
     append_message(&bytes, 1, "GET_TDATA", "tracker", NULL, 0);
     append_matrix(&bytes, quarter_turn);

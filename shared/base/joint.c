@@ -14,6 +14,18 @@ static vec3 along_axes(mat3 r, double shift, double drawer, double distraction) 
                     vec3_add_scaled(vec3_scale(drawer, e2), -distraction, e3));
 }
 
+static double mix(double a, double b, double t) {
+    return a + t * (b - a);
+}
+
+struct joint_angles joint_interpolate(const struct joint_angles *a, const struct joint_angles *b,
+                                      double t) {
+    return (struct joint_angles){
+        mix(a->flexion_deg, b->flexion_deg, t),   mix(a->varus_deg, b->varus_deg, t),
+        mix(a->internal_deg, b->internal_deg, t), mix(a->shift_mm, b->shift_mm, t),
+        mix(a->drawer_mm, b->drawer_mm, t),       mix(a->distraction_mm, b->distraction_mm, t)};
+}
+
 pose joint_to_pose(const struct joint_frame *frame, const struct joint_angles *a) {
     double m = mirror(frame->side);
     quat q = quat_from_axis_angle((vec3){1, 0, 0}, -a->flexion_deg * RAD_PER_DEG);

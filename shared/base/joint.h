@@ -19,6 +19,10 @@ struct joint_angles {
     double distraction_mm; // the tibia away from the femur, along -e3
 };
 
+// Each value straight between a (t = 0) and b (t = 1).
+struct joint_angles joint_interpolate(const struct joint_angles *a, const struct joint_angles *b,
+                                      double t);
+
 // Where the joint frames lie in the frames of the two bones.
 struct joint_frame {
     enum side side;

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-const char *const runner_keys[] = {"driver",   "hold_ms",   "jump_mm", "jump_deg",
+const char *const runner_keys[] = {"driver",   "delay_ms",  "hold_ms", "jump_mm", "jump_deg",
                                    "noise_mm", "noise_deg", "filter",  NULL};
 
 enum result option_fail(const struct device_config *config, const char *key, struct error *err,

@@ -306,18 +306,11 @@ static double fraction(const struct recording *r, int row, double t_seconds) {
     return fmax(0, t);
 }
 
-static double mix(double a, double b, double f) {
-    return a + f * (b - a);
-}
-
 struct joint_angles recording_joint_at(const struct recording *r, double t_seconds) {
     int row = recording_row_at(r, t_seconds);
     double f = fraction(r, row, t_seconds);
     const struct joint_angles *a = &r->joints[row], *b = f > 0 ? a + 1 : a;
-    return (struct joint_angles){
-        mix(a->flexion_deg, b->flexion_deg, f),   mix(a->varus_deg, b->varus_deg, f),
-        mix(a->internal_deg, b->internal_deg, f), mix(a->shift_mm, b->shift_mm, f),
-        mix(a->drawer_mm, b->drawer_mm, f),       mix(a->distraction_mm, b->distraction_mm, f)};
+    return joint_interpolate(a, b, f);
 }
 
 struct recording_state recording_tool_at(const struct recording *r, int tool, double t_seconds) {
@@ -327,5 +320,5 @@ struct recording_state recording_tool_at(const struct recording *r, int tool, do
     if (!a->valid || !b->valid)
         return *a;
     return (struct recording_state){pose_interpolate(a->pose, b->pose, f),
-                                    mix(a->opening, b->opening, f), true};
+                                    a->opening + f * (b->opening - a->opening), true};
 }

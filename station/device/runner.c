@@ -5,10 +5,9 @@
 #include "base/log.h"
 #include "device/drivers.h"
 #include "device/options.h"
-#include "device/slot.h"
+#include "device/runner_parts.h"
 
 #include <errno.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,30 +15,6 @@
 #define DRIVERS_MAX 16
 
 static const int64_t first_pause_ns = 100 * NS_PER_MS, longest_pause_ns = 5 * NS_PER_S;
-
-struct device {
-    const struct device_driver *driver;
-    void *handle;
-    pthread_t thread;
-    int64_t pause_ns; // before the next try to open
-    bool was_open;
-    bool logged_lost[DEVICE_SAMPLES_MAX];
-    int64_t refusal_logged_ns;
-
-    pthread_mutex_t lock; // of what follows; held for copies only
-    pthread_cond_t wake;
-    bool stop;
-    struct device_status status;
-    int slot_count;
-    struct slot slots[DEVICE_SAMPLES_MAX];
-    int64_t second_ns; // start of the second in which readings are counted for the rate
-    uint64_t second_readings;
-};
-
-struct runner {
-    int count, started;
-    struct device devices[RUNNER_DEVICES_MAX];
-};
 
 // ---- the thread of a device ---------------------------------------------------------------------
 
@@ -85,15 +60,6 @@ static bool open_device(struct device *d) {
     return connected;
 }
 
-static struct slot *slot_of(struct device *d, const struct sample *sample) {
-    for (int i = 0; i < d->slot_count; i++)
-        if (d->slots[i].newest.channel == sample->channel &&
-            d->slots[i].newest.kind == sample->kind)
-            return &d->slots[i];
-    CHECK(!"a driver gave a sample that its outputs do not name");
-    return NULL;
-}
-
 // A value that is not used is the device's problem: said by name, and why.
 static void complain(struct device *d, const struct sample *sample, const char *why) {
     snprintf(d->status.problem, sizeof d->status.problem, "%s: %s", channel_name(sample->channel),
@@ -101,8 +67,10 @@ static void complain(struct device *d, const struct sample *sample, const char *
 }
 
 // True: it was used.
-static bool take_sample(struct device *d, const struct sample *sample) {
-    struct slot *slot = slot_of(d, sample);
+static bool take_sample(struct device *d, const struct sample *given) {
+    struct slot *slot = runner_slot(d, given);
+    struct sample measured = *given, *sample = &measured;
+    sample->time_ns -= d->delay_ns;
     switch (slot_take(slot, sample)) {
     case SLOT_MALFORMED:
         d->status.malformed++;
@@ -122,11 +90,6 @@ static bool take_sample(struct device *d, const struct sample *sample) {
     default:
         return true;
     }
-}
-
-static void age_slots(struct device *d, int64_t now_ns) {
-    for (int i = 0; i < d->slot_count; i++)
-        d->status.losses += slot_age(&d->slots[i], now_ns);
 }
 
 // Channels that changed between being there and being lost since the last call.
@@ -164,7 +127,7 @@ static void take_reading(struct device *d, enum result result, const struct devi
                          const struct error *err) {
     int64_t now_ns = clock_now_ns();
     pthread_mutex_lock(&d->lock);
-    age_slots(d, now_ns);
+    runner_age_slots(d, now_ns);
     bool all_used = true;
     for (int i = 0; i < reading->count; i++)
         all_used &= take_sample(d, &reading->samples[i]);
@@ -267,7 +230,7 @@ static enum result choose_driver(struct device *d, const struct device_config *c
 
 // What each channel of a device is judged and smoothed by.
 struct slot_settings {
-    double hold_ms, jump_mm, jump_deg, noise_mm, noise_deg;
+    double delay_ms, hold_ms, jump_mm, jump_deg, noise_mm, noise_deg;
     struct filter_settings filter;
 };
 
@@ -275,7 +238,9 @@ static enum result read_settings(const struct device_config *config, struct slot
                                  struct error *err) {
     const char *filter = option_text(config, "filter");
     *out = (struct slot_settings){.filter = {FILTER_NONE}};
-    enum result result = option_number(config, "hold_ms", 0, 10000, 100, &out->hold_ms, err);
+    enum result result = option_number(config, "delay_ms", 0, 1000, 0, &out->delay_ms, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "hold_ms", 0, 10000, 100, &out->hold_ms, err);
     if (result == RESULT_OK)
         result = option_number(config, "jump_mm", 1, 10000, 50, &out->jump_mm, err);
     if (result == RESULT_OK)
@@ -326,6 +291,7 @@ static enum result configure(struct device *d, const struct device_config *confi
     d->status.driver = d->driver->name;
     d->status.filter = settings.filter.kind;
     d->status.hold_ms = settings.hold_ms;
+    d->delay_ns = (int64_t)(settings.delay_ms * NS_PER_MS);
     init_slots(d, &outputs, index, &settings);
     return RESULT_OK;
 }
@@ -429,21 +395,6 @@ void runner_destroy(struct runner **runner) {
         r->devices[i].driver->destroy(r->devices[i].handle);
     free(r);
     *runner = NULL;
-}
-
-void runner_collect(struct runner *r, int64_t now_ns, struct frame *frame) {
-    for (int i = 0; i < r->count; i++) {
-        struct device *d = &r->devices[i];
-        pthread_mutex_lock(&d->lock);
-        age_slots(d, now_ns);
-        for (int k = 0; k < d->slot_count; k++) {
-            CHECK(frame->count < FRAME_SAMPLES_MAX);
-            struct sample *sample = &frame->samples[frame->count++];
-            *sample = d->slots[k].newest;
-            sample->validity = d->slots[k].validity;
-        }
-        pthread_mutex_unlock(&d->lock);
-    }
 }
 
 int runner_count(const struct runner *runner) {

@@ -3,6 +3,7 @@
 //
 // Keys of every device's section that belong to the runner; all others are the driver's:
 //   driver   the driver's name; required
+//   delay_ms how long a value is on its way from the measurement to the station; 0
 //   hold_ms  how long the last value of a silent channel is held before it is lost; 100
 //   jump_mm  a pose farther than this from what the last ones promise is not used (device/guard.h);
 //            50
@@ -56,10 +57,18 @@ enum result runner_create(const struct device_config *configs, int count,
 // Ends all threads (within about a second) and frees. NULL inside is fine; *runner becomes NULL.
 void runner_destroy(struct runner **runner);
 
-// Appends the newest sample of every channel to the frame, with its validity at now_ns
-// (clock_now_ns()); samples' `device` is the index of the config. The frame's number and time are
-// the caller's.
+// Fills an empty frame: every channel with its validity at now_ns (clock_now_ns()). Poses and joint
+// angles that are OK are all of one time, the newest that each of them has a sample of: what came
+// sooner is taken from its past (device/past.h). Handles, and what is held or lost, are the
+// newest. A sample's `device` is the index of the config. The frame's number and time are the
+// caller's. Not for two threads at once.
 void runner_collect(struct runner *runner, int64_t now_ns, struct frame *frame);
+
+// The age that this added to the newest sample of a channel in the last frame, at most; ms.
+double runner_alignment_ms(const struct runner *runner);
+
+// Appends the newest sample of every channel, each of its own time.
+void runner_newest(struct runner *runner, int64_t now_ns, struct frame *frame);
 
 int runner_count(const struct runner *runner);
 void runner_status(struct runner *runner, int index, struct device_status *out_status);

@@ -64,6 +64,7 @@ static void use(struct slot *slot, const struct sample *sample) {
     slot->newest = *sample;
     slot->newest.device = device;
     filter_apply(&slot->filter, &slot->newest);
+    past_add(&slot->past, &slot->newest);
     double patience = slot->interval_ns ? 2 * slot->interval_ns : longest_interval_ns;
     slot->silent_ns = sample->time_ns + (int64_t)patience;
     slot->validity = VALIDITY_OK;
@@ -90,6 +91,7 @@ static void begin_anew(struct slot *slot, int64_t now_ns) {
     slot->silent_ns = now_ns;
     slot->filter.time_ns = 0;
     slot->noise = (struct noise){0};
+    past_forget(&slot->past);
     guard_forget(&slot->guard);
 }
 

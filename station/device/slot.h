@@ -5,6 +5,7 @@
 #include "device/filter.h"
 #include "device/guard.h"
 #include "device/noise.h"
+#include "device/past.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -15,6 +16,7 @@ struct slot {
     struct noise noise;   // of them
     double noise_mm, noise_deg;
     struct filter filter; // none, unless filter_init is called after slot_init
+    struct past past;     // of what was used, filtered
     int64_t hold_ns;      // from silent to lost
     double interval_ns;   // usual time between two samples that were used; 0: not known yet
     int64_t silent_ns;    // from when on the channel is silent, if nothing comes before

@@ -35,6 +35,7 @@ struct loop {
     uint64_t connection;
     struct meter whole, second; // round trips: since the start, since the last live line
     uint64_t warped_second;
+    double alignment_ms;   // since the last live line, at most
     uint64_t holds_logged; // of which connection
     bool was_lost[RUNNER_DEVICES_MAX];
 };
@@ -64,6 +65,7 @@ static void show(struct loop *loop) {
 static void send_frame(struct loop *loop) {
     struct frame frame = {.number = loop->sent + 1, .time_ns = clock_now_ns()};
     runner_collect(loop->runner, frame.time_ns, &frame);
+    loop->alignment_ms = fmax(loop->alignment_ms, runner_alignment_ms(loop->runner));
     bool sent = link_send(loop->link, &frame);
     loop->sent += sent;
     follow_session(loop);
@@ -127,16 +129,19 @@ static uint64_t count_unanswered(const struct loop *loop) {
 static void print_live(struct loop *loop) {
     struct link_status status;
     link_get_status(loop->link, &status);
-    char filter[32] = "";
+    char age[64] = "";
     double latency_ms = filter_latency_ms(loop);
     if (latency_ms > 0)
-        snprintf(filter, sizeof filter, "  filter %.1f ms", latency_ms);
+        snprintf(age, sizeof age, "  filter %.1f ms", latency_ms);
+    if (loop->alignment_ms > 0)
+        snprintf(age + strlen(age), sizeof age - strlen(age), "  alignment %.1f ms",
+                 loop->alignment_ms);
     printf("%5" PRIu64
            " poses/s  round trip %6.0f us p50 %6.0f us p99  warp %5.2f mm  unanswered %" PRIu64
            "%s  %s%s%s\n",
            loop->warped_second, meter_percentile_us(&loop->second, 0.5),
            meter_percentile_us(&loop->second, 0.99), predict_warp_mm(loop->predict),
-           count_unanswered(loop), filter, path_name(status.path), status.refusal[0] ? ": " : "",
+           count_unanswered(loop), age, path_name(status.path), status.refusal[0] ? ": " : "",
            status.refusal);
     fflush(stdout);
 }
@@ -181,6 +186,7 @@ static void each_second(struct loop *loop) {
     log_devices(loop);
     meter_clear(&loop->second);
     loop->warped_second = 0;
+    loop->alignment_ms = 0;
 }
 
 static json_t *tissues_as_json(struct link *link) {

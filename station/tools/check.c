@@ -60,7 +60,7 @@ struct check {
 
 static void look_once(struct check *check) {
     check->frame = (struct frame){.count = 0};
-    runner_collect(check->runner, clock_now_ns(), &check->frame);
+    runner_newest(check->runner, clock_now_ns(), &check->frame);
     for (int i = 0; i < check->frame.count; i++) {
         const struct sample *sample = &check->frame.samples[i];
         struct track *track = &check->tracks[i];

@@ -65,7 +65,7 @@ enum result gather_take(struct gather *gather, enum channel channel, enum sample
     int count = 0;
     for (int64_t now_ns = last_ns; now_ns < end_ns && count < max; now_ns = clock_now_ns()) {
         struct frame frame = {.count = 0};
-        runner_collect(gather->runner, now_ns, &frame);
+        runner_newest(gather->runner, now_ns, &frame);
         const struct sample *sample = find(&frame, channel, kind);
         if (!sample)
             break;

@@ -67,7 +67,7 @@ static bool is_in_share(struct worker *worker, struct station_runtime *station,
 
 // On true the frame is the newest of its connection, with what late ones told.
 static bool accept_frame(struct worker *worker, struct station_runtime *station,
-                         struct frame *frame, int64_t received_ns) {
+                         struct frame *frame, int64_t received_ns, bool in_share) {
     if (!station->connection.clock_known || !station->session) {
         count(&station->counts.frames_early, 1);
         return false;
@@ -77,14 +77,15 @@ static bool accept_frame(struct worker *worker, struct station_runtime *station,
     count_lost(station, lost);
     switch (place) {
     case FRAME_NEWEST:
-        if (!is_in_share(worker, station, received_ns))
+        if (!in_share)
             return false;
         late_frames_merge(&station->late, frame, worker->runtime->config.hold_ns);
         return true;
     case FRAME_LATE:
         count(&station->counts.frames_late, 1);
         station->frames_late++;
-        late_frames_keep(&station->late, frame);
+        if (in_share)
+            late_frames_keep(&station->late, frame);
         return false;
     case FRAME_OLD:
         count(&station->counts.frames_old, 1);
@@ -134,10 +135,20 @@ static void answer(struct worker *worker, struct station_runtime *station, enum 
     control_send(*worker->runtime->config.control, station->connection.peer, &message);
 }
 
-// A station that tries whether datagrams pass sends a frame on both paths; the second copy gets the
-// same answer on its own path.
-static bool is_second_copy(const struct station_runtime *station, const struct frame *frame) {
+// A station that tries whether datagrams pass sends a frame on both paths. The second copy gets the
+// same answer on its own path, and a third one gets none.
+static bool is_copy(const struct station_runtime *station, const struct frame *frame) {
     return frame->number && frame->number == station->reply.frame_number;
+}
+
+static void answer_copy(struct worker *worker, struct station_runtime *station,
+                        enum reply_path path) {
+    if (station->copied == station->reply.frame_number) {
+        count(&station->counts.frames_old, 1);
+        return;
+    }
+    station->copied = station->reply.frame_number;
+    answer(worker, station, path);
 }
 
 static void take_events(struct station_runtime *station) {
@@ -170,11 +181,13 @@ static void take_frame(struct worker *worker, struct station_runtime *station, e
     if (path == PATH_DATAGRAM)
         atomic_store_explicit(&station->counts.datagram_ns, received_ns, memory_order_relaxed);
     end_pause(&station->counts, received_ns);
-    if (is_second_copy(station, frame)) {
-        answer(worker, station, path);
+    bool in_share = is_in_share(worker, station, received_ns);
+    if (is_copy(station, frame)) {
+        if (in_share)
+            answer_copy(worker, station, path);
         return;
     }
-    if (!accept_frame(worker, station, frame, received_ns))
+    if (!accept_frame(worker, station, frame, received_ns, in_share))
         return;
     devices_step(&station->device_watch, frame, station->counts.devices);
     const struct knee_case *knee = scene_case(station->session->scene);

@@ -65,6 +65,7 @@ struct station_runtime {
     struct clock_bridge bridge;
     struct fair_share share;
     arthron_Reply reply;                // to the newest frame
+    uint64_t copied;                    // the number of the last frame that was answered twice
     uint32_t events;                    // of all steps since
     uint32_t event_counts[EVENT_COUNT]; // of each bit, since the connection began
     uint32_t frames_lost, frames_late;  // since then

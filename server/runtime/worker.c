@@ -43,7 +43,7 @@ static void forget_keys(struct worker *worker, struct station_runtime *station) 
 static void station_joined(struct worker *worker, struct station_runtime *station) {
     forget_keys(worker, station);
     frames_end_order(station);
-    station->reply.frame_number = 0;
+    station->reply.frame_number = station->copied = 0;
     station->frames_lost = station->frames_late = 0;
     for (int bit = 0; bit < EVENT_COUNT; bit++) // those that no reply has told yet are its first
         station->event_counts[bit] = station->events >> bit & 1;

@@ -100,6 +100,7 @@ static bool names(const arthron_Welcome *welcome, const char *capability) {
 static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
     link->control.welcomed = true;
     link->control.meshes = link->config.meshes && names(welcome, "meshes");
+    link->control.path = names(welcome, "path");
     meshes_set_case(link->meshes, welcome->case_hash);
     atomic_fetch_add(&link->connects, 1);
     pthread_mutex_lock(&link->lock);
@@ -217,6 +218,14 @@ static int hear_keys(struct link *link, const arthron_UdpKeys *keys) {
     return hand_over(link, &arrival) ? 0 : -1;
 }
 
+// Of an older server. Any other puts it in a reply: who reads it there is where datagrams arrive.
+static void hear_path(struct link *link, const arthron_Control *message) {
+    if (link->control.path)
+        log_warning("link", "the server asks for a path in the wrong way; the station is silent");
+    else
+        say(link, message);
+}
+
 static int hear_welcomed(struct link *link, const arthron_Control *message, int64_t now_ns) {
     struct arrival arrival;
     switch (message->which_message) {
@@ -230,7 +239,7 @@ static int hear_welcomed(struct link *link, const arthron_Control *message, int6
         hear_pong(link, &message->message.pong, now_ns);
         return 0;
     case arthron_Control_udp_path_tag:
-        say(link, message); // of an older server
+        hear_path(link, message);
         return 0;
     case arthron_Control_udp_keys_tag:
         return hear_keys(link, &message->message.udp_keys);

@@ -46,6 +46,7 @@ struct control_connection {
     struct clock_offset clock;
     bool welcomed;
     bool meshes;       // both sides can
+    bool path;         // too: challenges come in replies
     bool session_open; // the server said that it takes frames
     int pings;
     int64_t heard_ns; // the last Pong

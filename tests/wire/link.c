@@ -268,15 +268,20 @@ a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying(void *
     test_server_close(&other);
 }
 
-static void a_challenge_is_answered_in_the_control_connection(void **state) {
+// This server names "path": a challenge that does not come where datagrams arrive proves nothing.
+static void a_challenge_in_the_control_connection_gets_no_answer(void **state) {
     (void)state;
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
     struct link *link = link_to("localhost", anna);
     wait_until_ready(link);
     arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
     message.message.udp_path.challenge = 0x123456789abcdef0;
     assert_true(control_send(test_server.control, test_server.peer, &message));
-    assert_true(wait_for(&test_server.messages, 1));
-    assert_int_equal(test_server.challenge, 0x123456789abcdef0);
+    for (int i = 0; i < 3; i++) // an answer would come before the last frame
+        exchange(link, &traffic);
+    assert_true(traffic.answered > 0);
+    assert_int_equal(atomic_load(&test_server.messages), 0);
     link_destroy(&link);
 }
 
@@ -518,7 +523,7 @@ int main(void) {
         WITH_SERVER(what_the_server_refuses_is_kept),
         WITH_SERVER(a_link_trusts_only_its_authority),
         WITH_SERVER(a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying),
-        WITH_SERVER(a_challenge_is_answered_in_the_control_connection),
+        WITH_SERVER(a_challenge_in_the_control_connection_gets_no_answer),
         WITH_SERVER(a_missing_key_is_named),
         WITH_SERVER(datagrams_are_taken_left_and_taken_again_as_they_pass),
         WITH_SERVER(a_challenge_in_a_reply_is_sent_back_in_the_control_connection),

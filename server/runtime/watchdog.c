@@ -3,7 +3,6 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/service.h"
-#include "trace/trace.h"
 
 #include <fcntl.h>
 #include <pthread.h>
@@ -123,7 +122,7 @@ static _Noreturn void end_process(struct watchdog *w, const struct guarded *g) {
     if (write(STDERR_FILENO, text, (size_t)size) != size) {
         // there is nobody to tell
     }
-    trace_write_last();
+    say_last_words();
     abort();
 }
 

@@ -6,22 +6,20 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <time.h>
 #include <unistd.h>
-
-_Noreturn void check_failed(const char *condition, const char *file, int line,
-                            const char *function) {
-    fprintf(stderr, "arthron: %s:%d: %s: check failed: %s\n", file, line, function, condition);
-    abort();
-}
 
 // ---- what the system does not give --------------------------------------------------------------
 
 #define LAST_WORDS_MAX 4
+#define LAST_WORDS_S 2 // that another thread's may take
 static struct {
     void (*say)(void *context);
     void *context;
 } last_words[LAST_WORDS_MAX];
 static atomic_int last_word_count;
+static atomic_flag ends = ATOMIC_FLAG_INIT;
+static _Thread_local bool ends_here;
 
 void need_before_end(void (*last)(void *context), void *context) {
     int count = last ? atomic_load(&last_word_count) : -1;
@@ -33,11 +31,26 @@ void need_before_end(void (*last)(void *context), void *context) {
     atomic_store(&last_word_count, count + 1);
 }
 
-// A last word that needs something itself comes back here.
-static _Noreturn void end_without(const char *what, const char *where) {
-    static atomic_flag ends = ATOMIC_FLAG_INIT;
-    static _Thread_local bool ends_here;
+// A last word that ends the program itself comes back here: the next ones follow.
+static void say_the_rest(void) {
     static int said;
+    while (said < atomic_load(&last_word_count)) {
+        int next = said++;
+        last_words[next].say(last_words[next].context);
+    }
+}
+
+void say_last_words(void) {
+    for (int i = 0; !ends_here && i < LAST_WORDS_S * 10; i++)
+        if (atomic_flag_test_and_set(&ends)) // another thread says them
+            nanosleep(&(struct timespec){0, 100000000}, NULL);
+        else
+            ends_here = true;
+    if (ends_here)
+        say_the_rest();
+}
+
+static _Noreturn void end_without(const char *what, const char *where) {
     if (!ends_here) {
         while (atomic_flag_test_and_set(&ends)) // another thread is about to end the program
             pause();
@@ -45,11 +58,15 @@ static _Noreturn void end_without(const char *what, const char *where) {
         dprintf(STDERR_FILENO, "arthron: the system gives no %s (%s); the program ends\n", what,
                 where);
     }
-    while (said < atomic_load(&last_word_count)) {
-        int next = said++;
-        last_words[next].say(last_words[next].context);
-    }
+    say_the_rest();
     _exit(1);
+}
+
+_Noreturn void check_failed(const char *condition, const char *file, int line,
+                            const char *function) {
+    fprintf(stderr, "arthron: %s:%d: %s: check failed: %s\n", file, line, function, condition);
+    say_last_words();
+    abort();
 }
 
 _Noreturn void need_failed(const char *what, const char *file, int line, const char *function) {

@@ -1,7 +1,7 @@
-// CHECK(condition): a caller's bug stops the program at once, in every build type.
-// NEED(condition, "thread"): what the operating system does not give, and what nobody can do
-// without here, ends the program in order: a sentence on stderr, the last words of need_before_end,
-// status 1.
+// CHECK(condition): a caller's bug stops the program, in every build type: a sentence on stderr,
+// the last words of need_before_end, abort. NEED(condition, "thread"): what the operating system
+// does not give, and what nobody can do without here, ends the program in order: a sentence on
+// stderr, the last words of need_before_end, status 1.
 #pragma once
 
 #include <stdbool.h>
@@ -17,9 +17,13 @@ __attribute__((noreturn)) void check_failed(const char *condition, const char *f
 __attribute__((noreturn)) void need_failed(const char *what, const char *file, int line,
                                            const char *function);
 
-// `last` is called once when a NEED ends the program, after those named before, on any thread,
-// which may hold any lock. It returns soon. Where a NEED ends it, the next ones are still called.
+// `last` is called once when a NEED or a CHECK ends the program, after those named before, on any
+// thread, which may hold any lock. It returns soon. Where a NEED ends it, the next ones are still
+// called.
 void need_before_end(void (*last)(void *context), void *context); // NULL: nothing any more
+
+// For who ends the program in another way. Waits a little where another thread says them.
+void say_last_words(void);
 
 // malloc-like functions that never return NULL: without memory the program ends as by NEED.
 void *alloc(unsigned long count, unsigned long size);                      // zeroed

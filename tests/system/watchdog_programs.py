@@ -4,6 +4,7 @@ import ctypes
 import os
 import signal
 import socket
+import sqlite3
 import time
 import unittest
 
@@ -38,6 +39,14 @@ class Watchdog(SystemTest):
             self.server = process
         return process
 
+    def lock_records(self):
+        """What is to be written there waits."""
+        wait_until("the records", lambda: os.path.exists(self.path("records.db")))
+        records = sqlite3.connect(self.path("records.db"), timeout=20, isolation_level=None)
+        self.addCleanup(records.close)
+        records.execute("BEGIN IMMEDIATE")
+        return records
+
     def hang(self, name):
         """Stops the thread of this name, and no other."""
         folder = f"/proc/{self.server.process.pid}/task"
@@ -58,7 +67,7 @@ class Watchdog(SystemTest):
 
     def test_a_worker_that_hangs_is_named_and_the_next_server_goes_on(self):
         manager = self.listen()
-        self.start_server("[station room-1]\ncase = healthy")
+        self.start_server("[station room-1]\ncase = healthy", "records = records.db")
         self.assertEqual(manager.recv(100), b"READY=1")
         self.assertEqual(manager.recv(100), b"WATCHDOG=1")
         self.enrol("room-1")
@@ -68,6 +77,8 @@ class Watchdog(SystemTest):
         before = self.session()
         self.assertRegex(text_of(f"/proc/{self.server.process.pid}/limits"), r"Max core file size +0 +0 ",
                          "it would hold the keys")
+        records = self.lock_records()
+        self.session_command("pause", "room-1")
         self.hang("worker 0")
         self.server.statuses.add(-signal.SIGABRT)
         wait_until("it ends", self.has_ended)
@@ -76,7 +87,9 @@ class Watchdog(SystemTest):
                                             r"It last did: [a-z ]+.*\. The server ends, so that it can be started")
         self.assertGreaterEqual(call_json("arthron-trace", "info", before["trace"], code=None)["steps"],
                                 before["steps"])
-        self.start_server("[station room-1]\ncase = healthy")
+        self.assertIn("\tpause\tstation room-1 ", text_of(self.path("records.db.arrears")))
+        records.close()
+        self.start_server("[station room-1]\ncase = healthy", "records = records.db")
         wait_until("connected", lambda: self.session()["connected"])
         self.wait_for_steps()
         self.assertEqual(self.session()["id"], before["id"])

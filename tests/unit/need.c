@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "test.h"
 
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,6 +32,10 @@ static int run_apart(void (*run)(void), char *out_said, size_t size) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
+static void exit_by_signal(int number) {
+    _exit(number == SIGABRT ? 3 : 2);
+}
+
 static void last_words(void *context) {
     dprintf(STDERR_FILENO, "last: %s\n", (const char *)context);
     NEED(0, "thread"); // a second one, on the way to the end
@@ -40,6 +45,33 @@ static void lacks_a_descriptor(void) {
     need_before_end(last_words, "the traces");
     need_before_end(last_words, "the audit log");
     NEED(0, "descriptor");
+}
+
+static void the_last(void *context) {
+    dprintf(STDERR_FILENO, "last: %s\n", (const char *)context);
+}
+
+static void has_a_bug(void) {
+    signal(SIGABRT, exit_by_signal);
+    need_before_end(the_last, "the traces");
+    need_before_end(the_last, "the audit log");
+    CHECK(1 > 2);
+}
+
+static void hangs(void) {
+    need_before_end(the_last, "the traces");
+    say_last_words();
+    say_last_words();
+    _exit(4);
+}
+
+static void a_bug_and_a_hang_have_last_words_too(void **state) {
+    (void)state;
+    char said[1024];
+    assert_int_equal(run_apart(has_a_bug, said, sizeof said), 3);
+    assert_non_null(strstr(said, "check failed: 1 > 2\nlast: the traces\nlast: the audit log\n"));
+    assert_int_equal(run_apart(hangs, said, sizeof said), 4);
+    assert_string_equal(said, "last: the traces\n");
 }
 
 static void a_need_that_is_not_met_ends_the_program_in_order(void **state) {
@@ -98,6 +130,7 @@ static void memory_that_is_not_there_ends_the_program_in_order(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_need_that_is_not_met_ends_the_program_in_order),
+        cmocka_unit_test(a_bug_and_a_hang_have_last_words_too),
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
         cmocka_unit_test(memory_that_is_kept_back_bridges_a_shortage),
         cmocka_unit_test(memory_that_is_not_there_ends_the_program_in_order),

@@ -5,6 +5,7 @@ import os
 import re
 import resource
 import socket
+import subprocess
 import unittest
 
 from arthron import Process, SystemTest, call_json, program, text_of, wait_until
@@ -127,6 +128,48 @@ rate_hz = 50
         self.assertEqual(self.server.end(), 0)
         for trace in os.listdir(self.traces):
             self.assertEqual(call_json("arthron-trace", "replay", os.path.join(self.traces, trace))["different"], 0)
+
+
+class NoThreads(SystemTest):
+    """Root may have as many as it likes, so the server runs as a user that has nothing else."""
+
+    def give_files(self, user):
+        for folder, _, files in os.walk(self.folder):
+            for path in [folder] + [os.path.join(folder, name) for name in files]:
+                os.chown(path, user, -1)
+
+    def start_as_another(self):
+        user = 40000 + os.getpid() % 20000
+        os.chmod(self.shared.name, 0o711)
+        self.start_server("".join(f"[station {room}]\ncase = healthy\n" for room in ROOMS[:2]))
+        for room in ROOMS[:2]:
+            self.enrol(room)
+        self.processes.pop().end()
+        self.give_files(user)
+        self.as_user = ["setpriv", "--reuid", str(user), "--clear-groups"]
+        self.server = Process(self.folder, "server", *self.as_user, program("arthron-server"), "run", "--config",
+                              self.path("server.ini"))
+        self.processes.append(self.server)
+        self.server.wait_for_log("ready")
+
+    def limit_threads(self, most):
+        """Of the running server. A process may change the limits of others of its user."""
+        subprocess.run([*self.as_user, "prlimit", "--pid", str(self.server.process.pid), f"--nproc={most}:"], check=True)
+
+    @unittest.skipUnless(os.geteuid() == 0, "only root may run a server as another user")
+    def test_a_session_that_gets_no_thread_is_refused_and_others_go_on(self):
+        self.start_as_another()
+        self.limit_threads(1)
+        self.start_mockup()
+        first = self.start_station("room-1")
+        first.wait_for_log("the system gives no thread")
+        self.limit_threads(1000)
+        self.wait_for_steps(20, "room-1")
+        self.limit_threads(1)
+        self.start_station("room-2")
+        wait_until("the other", lambda: self.session("room-2")["state"] == "running")
+        for room in ROOMS[:2]:
+            self.wait_for_steps(20, room)
 
 
 if __name__ == "__main__":

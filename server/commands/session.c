@@ -118,13 +118,22 @@ static json_t *end_to_json(int64_t until_utc_s) {
     return until_utc_s ? json_integer(until_utc_s) : json_null();
 }
 
+static json_t *slowed_to_json(const arthron_SessionInfo *info) {
+    static const char *const names[] = {"frames", "mesh_asks", "messages"}; // the lowest bit first
+    json_t *array = json_array();
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (info->slowed >> i & 1)
+            json_array_append_new(array, json_string(names[i]));
+    return array;
+}
+
 static json_t *info_to_json(const arthron_SessionInfo *info) {
     char id[33];
     for (int i = 0; i < 16; i++)
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
     return json_pack(
         "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
-        "s:I, s:o, s:s, s:I, s:b, s:s, s:s, s:o}",
+        "s:I, s:o, s:s, s:I, s:b, s:s, s:s, s:o, s:o, s:f}",
         "station", info->station, "id", id, "case", info->case_name, "state", state_name(info),
         "connected", info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9, "steps",
         (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost, "frames_late",
@@ -136,7 +145,8 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
         drift_to_json(info), "case_grade", info->case_grade, "trace_missing",
         (json_int_t)info->trace_missing, "trace_failing", info->trace_failing, "trainee",
         info->trainee, "next_trainee", info->next_trainee, "certificate_until_utc_s",
-        end_to_json(info->certificate_until_utc_s));
+        end_to_json(info->certificate_until_utc_s), "slowed", slowed_to_json(info), "clock_step_s",
+        (double)info->clock_step_ns / 1e9);
 }
 
 static json_t *refused_to_json(const arthron_Refused *r) {

@@ -104,12 +104,14 @@ static void fill_place(struct live_server *live, int station, double passed_s, a
     tell_devices(s, runtime_counts(runtime, station), &status, passed_s, out);
     tell_tissues(live, station, &status, out);
     double lost = (double)rise(out->info.frames_lost, &s->lost);
+    double late = (double)rise(out->info.frames_late, &s->late);
     double steps = (double)rise(out->info.steps, &s->frames);
     double warp_mm = runtime_take_warp_mm(runtime, station);
     double pause_ns = (double)runtime_take_pause_ns(runtime, station, clock_now_ns());
     if (isfinite(passed_s)) {
         out->warp_mm = (float)warp_mm;
         out->loss_share = (float)(lost / fmax(lost + steps, 1));
+        out->late_share = (float)(late / fmax(late + steps, 1));
         out->pause_s = (float)(out->info.connected && has_session ? pause_ns / 1e9 : 0);
     }
     out->strength = strength_of(config, &status);

@@ -62,7 +62,7 @@ struct station_cache {
     int place_state;
     bool place_connected;
     int64_t place_ns;
-    uint64_t frames, lost, samples[WIRE_DEVICES_MAX]; // when it was made
+    uint64_t frames, lost, late, samples[WIRE_DEVICES_MAX]; // when it was made
     size_t place_size;
     uint8_t place[PLACE_ITEM_MAX];
 

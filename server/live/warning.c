@@ -2,15 +2,18 @@
 
 #include "base/clock.h"
 #include "runtime/drift.h"
+#include "runtime/slowed.h"
 
 #include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-#define LOSS_SHARE 0.05f
+#define LOSS_SHARE 0.02f
+#define MUCH_LOSS_SHARE 0.05f
+#define LATE_SHARE 0.1f
+#define SLOW_US 100000
 #define UNCERTAIN_US 5000
-#define EXCESS_FRAMES 1000
 #define PAUSE_S 1.0f
 #define DAY_S 86400
 #define CERTIFICATE_WARNING_S (30 * DAY_S)
@@ -41,13 +44,38 @@ static void warn_of_link(arthron_Place *place) {
         warn(place, URGENCY_NOW, "no frame came from its station for %.0f s",
              (double)place->pause_s);
     if (place->loss_share > LOSS_SHARE)
-        warn(place, URGENCY_ACT, "%.0f %% of its frames are lost", 100 * (double)place->loss_share);
-    if (place->loss_share <= LOSS_SHARE && info->frames_excess > EXCESS_FRAMES)
-        warn(place, URGENCY_LOOK, "it sends more than its share: %" PRIu64 " frames were left out",
-             info->frames_excess);
+        warn(place, place->loss_share > MUCH_LOSS_SHARE ? URGENCY_ACT : URGENCY_LOOK,
+             "%.0f %% of its frames are lost", 100 * (double)place->loss_share);
+}
+
+// What it sends comes, but not as it should.
+static void warn_of_way(arthron_Place *place) {
+    const arthron_SessionInfo *info = &place->info;
+    if (info->without_datagrams)
+        warn(place, URGENCY_LOOK, "no datagram of its station comes, its poses come over TCP");
+    if (info->rtt_p50_us > SLOW_US)
+        warn(place, URGENCY_LOOK, "its station waits %.0f ms for an answer",
+             info->rtt_p50_us / 1000);
+    if (place->late_share > LATE_SHARE)
+        warn(place, URGENCY_LOOK, "%.0f %% of its frames come late",
+             100 * (double)place->late_share);
+    if (info->clock_step_ns)
+        warn(place, URGENCY_LOOK, "its station's clock was stepped by %.1f s",
+             (double)info->clock_step_ns / NS_PER_S);
     if (info->clock_uncertainty_us > UNCERTAIN_US)
         warn(place, URGENCY_LOOK, "its clock is known to %.0f ms only",
              info->clock_uncertainty_us / 1000);
+}
+
+static void warn_of_slowed(arthron_Place *place) {
+    const arthron_SessionInfo *info = &place->info;
+    if (info->slowed >> SLOWED_FRAMES & 1)
+        warn(place, URGENCY_LOOK, "it sends more than its share: %" PRIu64 " frames were left out",
+             info->frames_excess);
+    if (info->slowed >> SLOWED_ASKS & 1)
+        warn(place, URGENCY_LOOK, "it asks for its meshes too often: they come later");
+    if (info->slowed >> SLOWED_MESSAGES & 1)
+        warn(place, URGENCY_LOOK, "it sends too many messages: they are read later");
 }
 
 static void warn_of_trace(arthron_Place *place) {
@@ -84,8 +112,11 @@ void warning_of_place(arthron_Place *place, double drift_mm) {
         warn(place, URGENCY_NOW, "%s", place->refused);
     if (info->state != arthron_SessionState_CLOSED) {
         warn_of_link(place);
-        if (info->connected)
+        if (info->connected) {
             warn_of_devices(place);
+            warn_of_slowed(place);
+            warn_of_way(place);
+        }
         warn_of_trace(place);
         if (info->touches >= DRIFT_TOUCHES && info->drift_mm > drift_mm)
             warn(place, URGENCY_ACT, "tip is %.2f mm off the surface; recalibrate", info->drift_mm);

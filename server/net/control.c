@@ -207,6 +207,12 @@ static int close_peer(struct peer *peer) {
     return 0;
 }
 
+void control_tell_slowed(struct peer *peer, bool asks) {
+    const struct control_handler *handler = &peer->control->handler;
+    if (handler->on_slowed)
+        handler->on_slowed(handler->user, peer->handle, asks);
+}
+
 // What comes too fast waits in the network: nothing is lost, and the sender slows down.
 // libwebsockets would never return if it were told so while it hands out what it has read.
 static void slow_down(struct peer *peer, int64_t now_ns) {
@@ -218,6 +224,7 @@ static void slow_down(struct peer *peer, int64_t now_ns) {
                     peer->identity.name, MESSAGES_PER_S);
     peer->slow_said_ns = now_ns;
     peer->slows = true;
+    control_tell_slowed(peer, false);
     lws_set_timer_usecs(peer->wsi, 1);
 }
 

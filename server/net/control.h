@@ -33,6 +33,9 @@ struct control_handler {
     // Any other known message of a station: its answer to UdpPath, MeshAsk, mesh_ack.
     void (*on_message)(void *user, struct control_peer peer, const arthron_Control *message);
     void (*on_gone)(void *user, struct control_peer peer);
+    // The station asks for meshes too often, or sends too many messages: it has to wait. NULL: it
+    // is not told.
+    void (*on_slowed)(void *user, struct control_peer peer, bool asks);
     // When the station's newest frame came by datagram; its connection may be silent meanwhile.
     // NULL: there are no datagrams.
     int64_t (*datagram_ns)(void *user, struct control_peer peer);

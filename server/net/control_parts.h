@@ -87,6 +87,10 @@ struct control {
         replies_dropped, shut;
 };
 
+// ---- control.c ----------------------------------------------------------------------------------
+
+void control_tell_slowed(struct peer *peer, bool asks);
+
 // ---- control.c: queues --------------------------------------------------------------------------
 
 // Gives the peer a slot, a handle and an outbox. False: all are taken.

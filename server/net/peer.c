@@ -262,6 +262,7 @@ static void handle_ask(struct peer *peer, const arthron_Control *message, int64_
     if (!peer->asks_late)
         log_warning("control", "station %s asks for its meshes too often, so it waits for them",
                     peer->identity.name);
+    control_tell_slowed(peer, true);
     peer->asks_late = true;
     peer->late_ask = message->message.mesh_ask;
 }

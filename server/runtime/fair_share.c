@@ -10,10 +10,3 @@ void fair_share_record(struct fair_share *share, uint64_t trace_bytes) {
         share->bytes.spent += (double)(trace_bytes - share->trace_bytes);
     share->trace_bytes = trace_bytes;
 }
-
-bool fair_share_tells(struct fair_share *share, int64_t now_ns) {
-    if (share->told_ns && now_ns - share->told_ns < FAIR_TELL_NS)
-        return false;
-    share->told_ns = now_ns;
-    return true;
-}

@@ -9,12 +9,11 @@
 #define FAIR_FRAMES_BURST 1000
 #define FAIR_TRACE_BYTES_S 6e6
 #define FAIR_TRACE_BYTES_BURST 32e6 // a large cut may take 10 MB
-#define FAIR_TELL_NS 60000000000LL
+#define FAIR_TELL_NS 60000000000LL  // a station is told once in so long
 
 struct fair_share {
     struct bucket frames, bytes;
     uint64_t trace_bytes; // of the session's trace, when last looked at
-    int64_t told_ns;      // when the station was last told; 0: never
 };
 
 // Takes a frame of the share. False: there is none left.
@@ -22,7 +21,3 @@ bool fair_share_take(struct fair_share *share, int64_t now_ns);
 
 // The trace has so many bytes now.
 void fair_share_record(struct fair_share *share, uint64_t trace_bytes);
-
-// True where the station is to be told that it has exceeded its share: not more often than each
-// FAIR_TELL_NS.
-bool fair_share_tells(struct fair_share *share, int64_t now_ns);

@@ -53,15 +53,12 @@ static void count_lost(struct station_runtime *station, uint64_t lost) {
 }
 
 // A frame that is beyond the station's share is left out, and no lost one.
-static bool is_in_share(struct worker *worker, struct station_runtime *station,
-                        int64_t received_ns) {
+static bool is_in_share(struct station_runtime *station, int64_t received_ns) {
     if (fair_share_take(&station->share, received_ns))
         return true;
     count(&station->counts.frames_excess, 1);
-    if (fair_share_tells(&station->share, received_ns))
-        step_tell(worker, station,
-                  "the station sends more than its share of the server: frames "
-                  "are left out. Lower its rate_hz");
+    atomic_store_explicit(&station->counts.slowed_ns[SLOWED_FRAMES], received_ns,
+                          memory_order_relaxed);
     return false;
 }
 
@@ -120,6 +117,7 @@ static int64_t offset_of(struct station_runtime *station, const struct frame *fr
                                             station->connection.clock_offset_ns, &step_ns);
     if (step_ns) {
         atomic_store(&station->counts.clock_step_ns, step_ns);
+        atomic_store(&station->counts.clock_stepped_ns, received_ns);
         count(&station->counts.clock_steps, 1);
     }
     return offset_ns;
@@ -181,7 +179,7 @@ static void take_frame(struct worker *worker, struct station_runtime *station, e
     if (path == PATH_DATAGRAM)
         atomic_store_explicit(&station->counts.datagram_ns, received_ns, memory_order_relaxed);
     end_pause(&station->counts, received_ns);
-    bool in_share = is_in_share(worker, station, received_ns);
+    bool in_share = is_in_share(station, received_ns);
     if (is_copy(station, frame)) {
         if (in_share)
             answer_copy(worker, station, path);

@@ -64,11 +64,12 @@ struct station_runtime {
     struct late_frames late;
     struct clock_bridge bridge;
     struct fair_share share;
-    arthron_Reply reply;                // to the newest frame
-    uint64_t copied;                    // the number of the last frame that was answered twice
-    uint32_t events;                    // of all steps since
-    uint32_t event_counts[EVENT_COUNT]; // of each bit, since the connection began
-    uint32_t frames_lost, frames_late;  // since then
+    int64_t slowed_told_ns[SLOWED_COUNT]; // when it was told; 0: never
+    arthron_Reply reply;                  // to the newest frame
+    uint64_t copied;                      // the number of the last frame that was answered twice
+    uint32_t events;                      // of all steps since
+    uint32_t event_counts[EVENT_COUNT];   // of each bit, since the connection began
+    uint32_t frames_lost, frames_late;    // since then
     int64_t last_step_ns, last_frame_ns;
     int64_t metrics_ns; // of the session's clock, when metrics were last published
     struct {

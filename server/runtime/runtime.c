@@ -1,6 +1,7 @@
 #include "runtime/runtime.h"
 
 #include "base/check.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "runtime/cut_worker.h"
 #include "runtime/watchdog.h"
@@ -137,6 +138,10 @@ void runtime_frame(struct runtime *r, int station, const struct frame *frame, in
         wake_fd(station_worker(r, station)->wake_fd);
     else
         atomic_fetch_add_explicit(&s->counts.frames_excess, 1, memory_order_relaxed);
+}
+
+void runtime_slowed(struct runtime *r, int station, enum slowed what) {
+    atomic_store(&r->stations[station].counts.slowed_ns[what], clock_now_ns());
 }
 
 void runtime_mesh_message(struct runtime *r, int station, struct control_peer peer,

@@ -62,6 +62,8 @@ void runtime_snapshot(struct runtime *runtime, int station, struct step_snapshot
 void runtime_metrics(struct runtime *runtime, int station, struct live_metrics *out_metrics);
 void runtime_tissues(struct runtime *runtime, int station, struct tissue_report *out_report);
 const struct station_counts *runtime_counts(const struct runtime *runtime, int station);
+// The station does this too often, and it was held back.
+void runtime_slowed(struct runtime *runtime, int station, enum slowed what);
 void runtime_count_invalid_frame(struct runtime *runtime, int station);
 double runtime_take_warp_mm(struct runtime *runtime, int station);
 // The longest time without a frame since the last call, up to now.

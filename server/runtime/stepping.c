@@ -205,6 +205,8 @@ static void clear_counts(struct station_runtime *station) {
     atomic_store(&counts->frames_early, 0);
     atomic_store(&counts->frames_invalid, 0);
     atomic_store(&counts->frames_excess, 0);
+    for (int i = 0; i < SLOWED_COUNT; i++)
+        atomic_store(&counts->slowed_ns[i], 0);
     memset(station->drift, 0, sizeof station->drift);
     atomic_store(&counts->touches, 0);
     atomic_store(&counts->drift_nm, 0);
@@ -232,6 +234,7 @@ void step_begin(struct worker *worker, struct station_runtime *station,
     memset(&station->late, 0, sizeof station->late);
     memset(&station->bridge, 0, sizeof station->bridge);
     memset(&station->share, 0, sizeof station->share);
+    memset(station->slowed_told_ns, 0, sizeof station->slowed_told_ns);
     station->events = 0;
     station->last_step_ns = session->last_ns;
     newest_put(station->metrics, &session->metrics);

@@ -4,6 +4,7 @@
 #include "metrics/metrics.h"
 #include "net/control.h"
 #include "runtime/devices.h"
+#include "runtime/slowed.h"
 #include "runtime/step_snapshot.h"
 #include "trace/trace.h"
 
@@ -73,11 +74,13 @@ struct station_counts {
     atomic_int_fast64_t drift_nm;        // of the instrument that is farthest off
     atomic_uint_fast64_t trace_missing;  // as of trace_status
     atomic_bool trace_failing;
-    atomic_uint_fast64_t clock_steps;  // of the station's clock
-    atomic_int_fast64_t clock_step_ns; // the last one
-    atomic_int_fast64_t datagram_ns;   // when the newest frame came by datagram
-    atomic_int_fast64_t frame_ns;      // when any came, or the session or connection began
-    atomic_int_fast64_t pause_ns;      // the longest between two frames since runtime_take_pause_ns
+    atomic_uint_fast64_t clock_steps;            // of the station's clock
+    atomic_int_fast64_t clock_step_ns;           // the last one
+    atomic_int_fast64_t clock_stepped_ns;        // when
+    atomic_int_fast64_t slowed_ns[SLOWED_COUNT]; // when it last was; 0: never
+    atomic_int_fast64_t datagram_ns;             // when the newest frame came by datagram
+    atomic_int_fast64_t frame_ns; // when any came, or the session or connection began
+    atomic_int_fast64_t pause_ns; // the longest between two frames since runtime_take_pause_ns
     struct device_counts devices[WIRE_DEVICES_MAX];
     atomic_int_fast64_t warp_nm; // the largest at any tip since the last runtime_take_warp_mm
 };

@@ -45,6 +45,7 @@ static void station_joined(struct worker *worker, struct station_runtime *statio
     frames_end_order(station);
     station->reply.frame_number = station->copied = 0;
     station->frames_lost = station->frames_late = 0;
+    atomic_store(&station->counts.datagram_ns, 0);
     for (int bit = 0; bit < EVENT_COUNT; bit++) // those that no reply has told yet are its first
         station->event_counts[bit] = station->events >> bit & 1;
     frames_begin_pause(station);
@@ -139,6 +140,19 @@ static void publish_trace(struct station_runtime *station) {
     atomic_store_explicit(&station->counts.trace_failing, status.failing, memory_order_relaxed);
 }
 
+// Also what the control thread has noted.
+static void tell_slowed(struct worker *worker, struct station_runtime *station, int64_t now_ns) {
+    for (int i = 0; i < SLOWED_COUNT; i++) {
+        int64_t slowed_ns =
+            atomic_load_explicit(&station->counts.slowed_ns[i], memory_order_relaxed);
+        int64_t *told_ns = &station->slowed_told_ns[i];
+        if (slowed_ns <= *told_ns || (*told_ns && now_ns - *told_ns < FAIR_TELL_NS))
+            continue;
+        *told_ns = now_ns;
+        step_tell(worker, station, slowed_text((enum slowed)i));
+    }
+}
+
 static void watch_time(struct worker *worker, struct station_runtime *station) {
     int64_t now_ns = clock_now_ns();
     if (station->connection.connected &&
@@ -148,6 +162,7 @@ static void watch_time(struct worker *worker, struct station_runtime *station) {
         return;
     publish_trace(station);
     frames_settle(station);
+    tell_slowed(worker, station, now_ns);
     if (step_is_deserted(worker, station))
         step_end(worker, station);
     else if (step_now_ns(station) - station->last_step_ns >= EMPTY_STEP_NS &&

@@ -9,6 +9,8 @@
 #include <string.h>
 
 #define TISSUES_WAIT_NS (5 * NS_PER_S)
+#define LATELY_NS (60 * NS_PER_S)
+#define WITHOUT_DATAGRAMS_NS (2 * NS_PER_S)
 
 // ---- one line of the list -----------------------------------------------------------------------
 
@@ -24,6 +26,20 @@ static void tell_counts(const struct station_counts *counts, arthron_SessionInfo
     out->trace_failing = atomic_load(&counts->trace_failing);
     out->touches = atomic_load(&counts->touches);
     out->drift_mm = (double)atomic_load(&counts->drift_nm) / 1e6;
+}
+
+static void tell_lately(const struct station_counts *counts, int64_t now_ns,
+                        arthron_SessionInfo *out) {
+    int64_t stepped_ns = atomic_load(&counts->clock_stepped_ns);
+    int64_t datagram_ns = atomic_load(&counts->datagram_ns);
+    int64_t frame_ns = atomic_load(&counts->frame_ns);
+    for (int i = 0; i < SLOWED_COUNT; i++) {
+        int64_t slowed_ns = atomic_load(&counts->slowed_ns[i]);
+        out->slowed |= (uint32_t)(slowed_ns && now_ns - slowed_ns < LATELY_NS) << i;
+    }
+    if (stepped_ns && now_ns - stepped_ns < LATELY_NS)
+        out->clock_step_ns = atomic_load(&counts->clock_step_ns);
+    out->without_datagrams = datagram_ns && frame_ns - datagram_ns > WITHOUT_DATAGRAMS_NS;
 }
 
 static void tell_station(struct sessions *s, const struct station_status *status,
@@ -54,6 +70,7 @@ void session_info(struct sessions *s, int station, arthron_SessionInfo *out) {
     snprintf(out->trainee, sizeof out->trainee, "%s", status.about.trainee);
     snprintf(out->next_trainee, sizeof out->next_trainee, "%s", status.trainee);
     tell_counts(runtime_counts(s->runtime, station), out);
+    tell_lately(runtime_counts(s->runtime, station), clock_now_ns(), out);
     tell_station(s, &status, out);
 }
 

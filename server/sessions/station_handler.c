@@ -171,6 +171,13 @@ static void on_gone(void *user, struct control_peer peer) {
     log_info("sessions", "station %s disconnected; its session waits", station_name(s, station));
 }
 
+static void on_slowed(void *user, struct control_peer peer, bool asks) {
+    struct sessions *s = user;
+    int station = find_station(s, peer);
+    if (station >= 0)
+        runtime_slowed(s->runtime, station, asks ? SLOWED_ASKS : SLOWED_MESSAGES);
+}
+
 static int64_t datagram_ns(void *user, struct control_peer peer) {
     struct sessions *s = user;
     int station = find_station(s, peer);
@@ -185,6 +192,7 @@ struct control_handler station_handler(struct sessions *s) {
         .on_frame = on_frame,
         .on_message = on_message,
         .on_gone = on_gone,
+        .on_slowed = on_slowed,
         .datagram_ns = datagram_ns,
     };
 }

@@ -25,6 +25,15 @@ FLOOD_S, FLOOD_HZ = 3, 8000
 SHARE_HZ, BURST = 2500, 1000  # server/runtime/fair_share.h
 
 
+class Asking(example.Station):
+    """It may ask for meshes, and looks at none."""
+
+    def say(self, **message):
+        if "hello" in message:
+            message["hello"].capabilities.append("meshes")
+        super().say(**message)
+
+
 class Flood(threading.Thread):
     def __init__(self, station):
         super().__init__(daemon=True)
@@ -50,6 +59,14 @@ class Flood(threading.Thread):
             self.station.hear(0)
 
 
+    def ask_for_meshes(self):
+        """Far more often than once a second, until it is told."""
+        before = len(self.told)
+        for _ in range(60):
+            self.station.say(mesh_ask=pb.MeshAsk())
+        wait_until("word of it", lambda: self.station.hear(0.01) or len(self.told) > before)
+
+
 class Share(SystemTest):
     def setUp(self):
         super().setUp()
@@ -59,7 +76,7 @@ class Share(SystemTest):
         code = call("arthron-server", "keys", "enrol", self.keys, "flood").stdout.strip()
         folder = self.path("keys-flood")
         example.enrol("127.0.0.1", self.port, code, "flood", folder)
-        station = example.Station("127.0.0.1", self.port, "flood", folder)
+        station = Asking("127.0.0.1", self.port, "flood", folder)
         wait_until("its session", lambda: station.hear(0.01) or (station.state == pb.RUNNING and station.datagrams))
         self.addCleanup(station.close)
         return Flood(station)
@@ -99,6 +116,9 @@ class Share(SystemTest):
         self.assertGreater(after["flood"]["frames_excess"], 1000)
         self.assertIn("more than its share", flood.told[0])
         self.assert_copies_get_no_answers(flood.station)
+        flood.ask_for_meshes()
+        self.assertIn("asks for its meshes too often", flood.told[-1])
+        self.assertEqual(self.session("flood")["slowed"], ["frames", "mesh_asks"])
         self.assertIn("station flood sends more than its share", self.server.log())
         self.assertEqual((after["flood"]["id"], after["flood"]["connected"]), (before["flood"]["id"], True))
         self.assertLessEqual(after["room-1"]["frames_lost"] - before["room-1"]["frames_lost"],

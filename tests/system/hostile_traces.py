@@ -155,6 +155,7 @@ class Hostile(unittest.TestCase):
         every = [["info"], ["verify"], ["score", "--case", "CASE"], ["replay", "--case", "CASE"],
                  ["replay", "--case", "CASE", "--field", "smooth"], ["export", "--csv", "OUT", "--case", "CASE"],
                  ["export", "--exr", "OUT", "--case", "CASE"], ["export", "--gltf", "OUT", "--case", "CASE"],
+                 ["export", "--mcap", "OUT", "--case", "CASE"],
                  ["report", "--case", "CASE", "--out", "OUT"], ["picture", "--case", "CASE", "--out", "OUT"],
                  ["cut", "--from", "2", "--out", "OUT"]]
         cut, landed = self.steps

@@ -135,13 +135,13 @@ class Recordings(unittest.TestCase):
 
     def test_a_part_of_it_begins_with_the_tissue_as_it_was(self):
         cut = [row for row in self.rows if row["landed_outcome"] == "done"]
-        at = float(cut[9]["t_seconds"]) + 0.001
-        found = self.read(self.trace, "--case", self.case, "--from", str(at), "--to", str(at + 2))
+        at = float(cut[2]["t_seconds"]) + 0.001
+        found = self.read(self.trace, "--case", self.case, "--from", str(at), "--to", str(at + 0.5))
         meshes = found["topics"]["/mesh/patient/meniscus_medial"]["messages"]
         self.assertAlmostEqual(meshes[0][1]["entities"][0]["triangles"][0]["volume_m3"] * 1e9,
-                               float(cut[9]["volume_mm3"]), 4)
+                               float(cut[2]["volume_mm3"]), 4)
         self.assertEqual(len(found["topics"]["/joint"]["messages"]),
-                         sum(at <= float(row["t_seconds"]) <= at + 2 for row in self.rows))
+                         sum(at <= float(row["t_seconds"]) <= at + 0.5 for row in self.rows))
 
     def test_without_the_case_there_are_poses_and_figures(self):
         found = self.read(self.trace)
@@ -151,11 +151,10 @@ class Recordings(unittest.TestCase):
         self.assertEqual(len(found["topics"]["/resection/0"]["messages"]),
                          len(self.found["topics"]["/resection/meniscus_medial"]["messages"]))
 
-    def test_sessions_of_older_versions_are_recorded(self):
-        for trace in ("version2-steps", "version3-cut"):
-            found = self.read(os.path.join(os.path.dirname(CORPUS), f"{trace}.trace"))
-            shown = [one["messages"] for topic, one in found["topics"].items() if topic.endswith("_warped")]
-            self.assertTrue(shown and all(shown))
+    def test_a_session_of_an_older_version_is_recorded(self):
+        found = self.read(os.path.join(os.path.dirname(CORPUS), "version2-cut.trace"))
+        shown = [one["messages"] for topic, one in found["topics"].items() if topic.endswith("_warped")]
+        self.assertTrue(shown and all(shown))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ struct slot *runner_slot(struct device *d, const struct sample *sample) {
 
 void runner_age_slots(struct device *d, int64_t now_ns) {
     for (int i = 0; i < d->slot_count; i++)
-        d->status.losses += slot_age(&d->slots[i], now_ns - d->delay_ns);
+        d->status.losses += slot_age(&d->slots[i], now_ns);
 }
 
 void runner_newest(struct runner *r, int64_t now_ns, struct frame *frame) {

@@ -67,11 +67,11 @@ static void complain(struct device *d, const struct sample *sample, const char *
 }
 
 // True: it was used.
-static bool take_sample(struct device *d, const struct sample *given) {
+static bool take_sample(struct device *d, const struct sample *given, int64_t now_ns) {
     struct slot *slot = runner_slot(d, given);
     struct sample measured = *given, *sample = &measured;
     sample->time_ns -= d->delay_ns;
-    switch (slot_take(slot, sample)) {
+    switch (slot_take(slot, sample, now_ns)) {
     case SLOT_MALFORMED:
         d->status.malformed++;
         complain(d, sample, "a value out of range, or no newer than the last");
@@ -130,7 +130,7 @@ static void take_reading(struct device *d, enum result result, const struct devi
     runner_age_slots(d, now_ns);
     bool all_used = true;
     for (int i = 0; i < reading->count; i++)
-        all_used &= take_sample(d, &reading->samples[i]);
+        all_used &= take_sample(d, &reading->samples[i], now_ns);
     d->status.readings += reading->count > 0;
     d->status.timeouts += result == RESULT_TIMEOUT;
     d->status.malformed += (uint64_t)reading->malformed;

@@ -56,7 +56,7 @@ static void fall_silent(struct slot *slot, int64_t time_ns) {
         slot->silent_ns = time_ns;
 }
 
-static void use(struct slot *slot, const struct sample *sample) {
+static void use(struct slot *slot, const struct sample *sample, int64_t arrival_ns) {
     double interval = (double)(sample->time_ns - slot->newest.time_ns);
     if (slot->newest.time_ns && interval < longest_interval_ns)
         slot->interval_ns += (slot->interval_ns ? 0.1 : 1) * (interval - slot->interval_ns);
@@ -66,11 +66,11 @@ static void use(struct slot *slot, const struct sample *sample) {
     filter_apply(&slot->filter, &slot->newest);
     past_add(&slot->past, &slot->newest);
     double patience = slot->interval_ns ? 2 * slot->interval_ns : longest_interval_ns;
-    slot->silent_ns = sample->time_ns + (int64_t)patience;
+    slot->silent_ns = arrival_ns + (int64_t)patience;
     slot->validity = VALIDITY_OK;
 }
 
-enum slot_verdict slot_take(struct slot *slot, const struct sample *sample) {
+enum slot_verdict slot_take(struct slot *slot, const struct sample *sample, int64_t arrival_ns) {
     enum slot_verdict verdict = SLOT_USED;
     if (sample->validity == VALIDITY_LOST)
         verdict = SLOT_SILENT;
@@ -79,9 +79,9 @@ enum slot_verdict slot_take(struct slot *slot, const struct sample *sample) {
     else
         verdict = judge_motion(slot, sample);
     if (verdict == SLOT_USED)
-        use(slot, sample);
+        use(slot, sample, arrival_ns);
     else
-        fall_silent(slot, sample->time_ns);
+        fall_silent(slot, arrival_ns);
     return verdict;
 }
 

@@ -33,11 +33,11 @@ enum slot_verdict { SLOT_USED, SLOT_SILENT, SLOT_JUMP, SLOT_NOISY, SLOT_MALFORME
 void slot_init(struct slot *slot, enum channel channel, enum sample_kind kind, uint8_t device,
                double hold_ms, double jump_mm);
 
-// Takes a sample of the slot's channel and kind. Not used: one that the source calls LOST
-// (SLOT_SILENT), one that frame_is_valid would refuse or that is no newer than the last
-// (SLOT_MALFORMED), a jump (SLOT_JUMP), one of a source that shakes (SLOT_NOISY). Any of them makes
-// the channel silent from its time on.
-enum slot_verdict slot_take(struct slot *slot, const struct sample *sample);
+// Takes a sample of the slot's channel and kind, which came at arrival_ns. Not used: one that the
+// source calls LOST (SLOT_SILENT), one that frame_is_valid would refuse or that is no newer than
+// the last (SLOT_MALFORMED), a jump (SLOT_JUMP), one of a source that shakes (SLOT_NOISY). Any of
+// them makes the channel silent from then on.
+enum slot_verdict slot_take(struct slot *slot, const struct sample *sample, int64_t arrival_ns);
 
 // Brings slot->validity to what it is at now_ns. True: it was lost just now.
 bool slot_age(struct slot *slot, int64_t now_ns);

@@ -12,9 +12,9 @@
 //   device            name of the device whose TDATA or QTDATA is meant, where there are several;
 //   any
 //
-// A sample is T_mockup_tracker · T_tracker_tool · T_tool_tip, at the time when its bytes came: the
-// messages' own time stamps are of a clock that we do not know. They tell which message is late
-// (device/stamp.h), and whether a tool's pose is only said again. OpenIGTLink's library leaves the
+// A sample is T_mockup_tracker · T_tracker_tool · T_tool_tip, at the time that its message's stamp
+// tells (device/stamp.h), or, without stamps, when its bytes came. The stamps tell too which
+// message is late, and whether a tool's pose is only said again. OpenIGTLink's library leaves the
 // stamp of a message uninitialized that its sender does not stamp: it stands still at any value.
 
 #include "base/check.h"
@@ -222,22 +222,25 @@ static enum result check_stamp(struct tracker *d, int64_t time_ns, struct error 
     }
 }
 
-static void take_tool(struct tracker *d, enum channel channel, pose T_tracker_tool, int64_t time_ns,
-                      struct device_reading *reading) {
+static void take_tool(struct tracker *d, enum channel channel, pose T_tracker_tool,
+                      int64_t arrival_ns, int64_t time_ns, struct device_reading *reading) {
     struct tracker_newest *newest = &d->newest[channel];
     if (has_stamp(d) && d->message.stamp_ns == newest->stamp_ns)
         return; // said again
-    *newest = (struct tracker_newest){d->message.stamp_ns, time_ns, T_tracker_tool.translation};
+    *newest = (struct tracker_newest){d->message.stamp_ns, arrival_ns, T_tracker_tool.translation};
     pose T_mockup_tool = pose_compose(d->T_mockup_tracker, T_tracker_tool);
     add_sample(reading, channel, time_ns, pose_compose(T_mockup_tool, d->T_tool_tip[channel]));
 }
 
-static void take_message(struct tracker *d, int64_t time_ns, struct device_reading *reading) {
+static void take_message(struct tracker *d, int64_t arrival_ns, struct device_reading *reading) {
+    int64_t time_ns =
+        has_stamp(d) ? stamp_time(&d->clock, d->message.stamp_ns, arrival_ns) : arrival_ns;
     reading->malformed += d->message.refused;
     for (int i = 0; i < d->message.count; i++)
         for (int c = 0; c < CHANNEL_COUNT; c++)
             if (!strcmp(d->message.tools[i].name, d->tools[c]))
-                take_tool(d, (enum channel)c, d->message.tools[i].T_tracker_tool, time_ns, reading);
+                take_tool(d, (enum channel)c, d->message.tools[i].T_tracker_tool, arrival_ns,
+                          time_ns, reading);
 }
 
 // TDATA and QTDATA; TRANSFORM and POSITION have the tool's name for a device.

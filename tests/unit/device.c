@@ -107,7 +107,7 @@ a_jump_that_lasts_too_short_to_be_true_is_never_taken_though_the_channel_is_lost
         bool away = ms >= 2000 && ms < 3000;
         struct sample s = probe(ms, away ? 300 : 0);
         slot_age(&slot, ms * NS_PER_MS);
-        assert_int_equal(away ? SLOT_JUMP : SLOT_USED, slot_take(&slot, &s));
+        assert_int_equal(away ? SLOT_JUMP : SLOT_USED, slot_take(&slot, &s, s.time_ns));
         if (ms > 2150 && away)
             assert_int_equal(VALIDITY_LOST, validity_at(&slot, ms));
     }
@@ -121,7 +121,7 @@ static void a_silent_channel_is_held_then_lost_then_back(void **state) {
     assert_int_equal(VALIDITY_LOST, validity_at(&slot, 1000));
     for (int64_t ms = 1000; ms <= 2000; ms += 10) {
         struct sample s = probe(ms, 1);
-        assert_int_equal(SLOT_USED, slot_take(&slot, &s));
+        assert_int_equal(SLOT_USED, slot_take(&slot, &s, s.time_ns));
         assert_int_equal(VALIDITY_OK, validity_at(&slot, ms + 9));
     }
     assert_int_equal(VALIDITY_OK, validity_at(&slot, 2019));
@@ -132,7 +132,7 @@ static void a_silent_channel_is_held_then_lost_then_back(void **state) {
     assert_false(slot_age(&slot, 2130 * NS_PER_MS));
     assert_true(slot.newest.time_ns == 2000 * NS_PER_MS);
     struct sample back = probe(3000, 900);
-    assert_int_equal(SLOT_USED, slot_take(&slot, &back));
+    assert_int_equal(SLOT_USED, slot_take(&slot, &back, back.time_ns));
     assert_int_equal(VALIDITY_OK, validity_at(&slot, 3001));
     assert_int_equal(3, slot.newest.device);
 }
@@ -142,19 +142,19 @@ static void a_sample_that_its_source_calls_lost_is_held_first(void **state) {
     struct slot slot = probe_slot(100);
     for (int64_t ms = 1000; ms <= 1100; ms += 10) {
         struct sample s = probe(ms, 1);
-        slot_take(&slot, &s);
+        slot_take(&slot, &s, s.time_ns);
     }
     struct sample lost = probe(1110, 5000);
     lost.validity = VALIDITY_LOST;
-    assert_int_equal(SLOT_SILENT, slot_take(&slot, &lost));
+    assert_int_equal(SLOT_SILENT, slot_take(&slot, &lost, lost.time_ns));
     assert_int_equal(VALIDITY_HELD, validity_at(&slot, 1110));
     assert_near(slot.newest.T_mockup_body.translation.x, 1, 0);
     struct sample good = probe(1120, 2);
-    assert_int_equal(SLOT_USED, slot_take(&slot, &good));
+    assert_int_equal(SLOT_USED, slot_take(&slot, &good, good.time_ns));
     assert_int_equal(VALIDITY_OK, validity_at(&slot, 1121));
     for (int64_t ms = 1130; ms < 1230; ms += 10) {
         lost.time_ns = ms * NS_PER_MS;
-        slot_take(&slot, &lost);
+        slot_take(&slot, &lost, lost.time_ns);
         assert_int_equal(VALIDITY_HELD, validity_at(&slot, ms));
     }
     assert_int_equal(VALIDITY_LOST, validity_at(&slot, 1230));
@@ -164,18 +164,18 @@ static void values_that_no_frame_may_have_are_malformed(void **state) {
     (void)state;
     struct slot slot = probe_slot(100);
     struct sample good = probe(1000, 1), bad = probe(1010, 1);
-    assert_int_equal(SLOT_USED, slot_take(&slot, &good));
+    assert_int_equal(SLOT_USED, slot_take(&slot, &good, good.time_ns));
     bad.T_mockup_body.translation.y = NAN;
-    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad));
+    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad, bad.time_ns));
     bad = probe(1010, 20000);
-    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad));
+    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad, bad.time_ns));
     bad = probe(1010, 1);
     bad.T_mockup_body.rotation.w = 0.5;
-    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad));
+    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad, bad.time_ns));
     bad = probe(1000, 1);
-    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad));
+    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad, bad.time_ns));
     bad = probe(900, 1);
-    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad));
+    assert_int_equal(SLOT_MALFORMED, slot_take(&slot, &bad, bad.time_ns));
     assert_near(slot.newest.T_mockup_body.translation.x, 1, 0);
     assert_int_equal(VALIDITY_HELD, validity_at(&slot, 1010));
 }
@@ -185,7 +185,7 @@ static void a_slow_source_is_not_called_silent_between_its_samples(void **state)
     struct slot slot = probe_slot(100);
     for (int64_t ms = 1000; ms <= 4000; ms += 66) {
         struct sample s = probe(ms, 1);
-        assert_int_equal(SLOT_USED, slot_take(&slot, &s));
+        assert_int_equal(SLOT_USED, slot_take(&slot, &s, s.time_ns));
         assert_int_equal(VALIDITY_OK, validity_at(&slot, ms + 65));
     }
 }
@@ -195,12 +195,12 @@ static void values_go_on_when_the_clock_goes_back(void **state) {
     struct slot slot = probe_slot(100);
     for (int64_t ms = 5000; ms <= 5500; ms += 10) {
         struct sample s = probe(ms, 1);
-        assert_int_equal(SLOT_USED, slot_take(&slot, &s));
+        assert_int_equal(SLOT_USED, slot_take(&slot, &s, s.time_ns));
     }
     for (int64_t ms = 3500; ms <= 4000; ms += 10) {
         struct sample s = probe(ms, 2);
         slot_age(&slot, ms * NS_PER_MS);
-        assert_int_equal(SLOT_USED, slot_take(&slot, &s));
+        assert_int_equal(SLOT_USED, slot_take(&slot, &s, s.time_ns));
         assert_int_equal(VALIDITY_OK, slot.validity);
     }
 }

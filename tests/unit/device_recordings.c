@@ -37,7 +37,7 @@ static struct counts play(const struct recording *r) {
                                 .time_ns = (int64_t)((r->t_seconds[i] + 1) * NS_PER_S),
                                 .T_mockup_body = s->pose};
         counts.losses += slot_age(&slot, sample.time_ns);
-        switch (slot_take(&slot, &sample)) {
+        switch (slot_take(&slot, &sample, sample.time_ns)) {
         case SLOT_USED:
             counts.used++;
             break;

@@ -23,7 +23,7 @@ static double share_refused(double sigma, int64_t period_ms, double amplitude, d
         s.T_mockup_body.translation.x = x + sigma * random_normal(&random);
         s.T_mockup_body.translation.y = sigma * random_normal(&random);
         s.T_mockup_body.translation.z = sigma * random_normal(&random);
-        refused += slot_take(&slot, &s) == SLOT_NOISY;
+        refused += slot_take(&slot, &s, s.time_ns) == SLOT_NOISY;
     }
     return refused / (double)count;
 }
@@ -106,12 +106,55 @@ static void a_clock_that_drifts_a_little_is_no_trouble(void **state) {
     }
 }
 
+// At 60 Hz a message is 15 to 50 ms on its way; after some seconds its time is known to 1 ms.
+static void jitter_and_drift_leave_the_time_of_a_measurement(void **state) {
+    (void)state;
+    static const double drifts[] = {-1e-4, 0, 2e-5, 3e-4};
+    for (size_t k = 0; k < sizeof drifts / sizeof *drifts; k++) {
+        struct stamp_clock clock = {0};
+        struct random random = {11 + k};
+        double arrival = 0, worst = 0;
+        int64_t last_ns = 0;
+        for (int i = 0; i < 100 * 60; i++) {
+            double t = 10 + i / 60.0, utc = 1.7e9 + t * (1 + drifts[k]);
+            arrival = fmax(arrival, t + random_between(&random, 0.015, 0.05));
+            int64_t stamp_ns = (int64_t)(utc * 1e9), arrival_ns = (int64_t)(arrival * 1e9);
+            if (stamp_judge(&clock, stamp_ns, arrival_ns) != STAMP_GOOD)
+                fail_msg("drift %g: message %d is not good", drifts[k], i);
+            int64_t time_ns = stamp_time(&clock, stamp_ns, arrival_ns);
+            assert_true(time_ns > last_ns && time_ns <= arrival_ns);
+            last_ns = time_ns;
+            if (i > 20 * 60)
+                worst = fmax(worst, fabs((double)time_ns / 1e9 - (t + 0.015)));
+        }
+        if (!(worst < 1e-3))
+            fail_msg("drift %g: off by %.2f ms", drifts[k], 1e3 * worst);
+    }
+}
+
+static void a_clock_that_is_set_back_a_little_begins_anew(void **state) {
+    (void)state;
+    struct stamp_clock clock = {0};
+    int64_t last_ns = 0;
+    for (int i = 0; i < 2000; i++) {
+        int64_t arrival_ns = i * 10 * NS_PER_MS,
+                stamp_ns = arrival_ns - (i < 1000 ? 0 : 50) * NS_PER_MS;
+        assert_int_equal(stamp_judge(&clock, stamp_ns, arrival_ns), STAMP_GOOD);
+        int64_t time_ns = stamp_time(&clock, stamp_ns, arrival_ns);
+        assert_true(!i || time_ns > last_ns);
+        assert_int_equal(time_ns, arrival_ns);
+        last_ns = time_ns;
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(noise_beyond_a_hands_motion_is_refused_and_a_hand_is_not),
         cmocka_unit_test(late_messages_are_told_from_good_ones),
         cmocka_unit_test(a_clock_that_steps_is_noticed_and_lived_with),
         cmocka_unit_test(a_clock_that_drifts_a_little_is_no_trouble),
+        cmocka_unit_test(jitter_and_drift_leave_the_time_of_a_measurement),
+        cmocka_unit_test(a_clock_that_is_set_back_a_little_begins_anew),
     };
     return cmocka_run_group_tests_name("device_trust", tests, NULL, NULL);
 }

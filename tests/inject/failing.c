@@ -111,6 +111,10 @@ long long failing_clock_off_ns(void) {
     return plan ? atomic_load(&plan->clock_off_ns) : 0;
 }
 
+bool failing_to_open(const char *path, const void *address) {
+    return plan && strstr(path, plan->path) && failing_now(OPEN, address);
+}
+
 // ---- what a descriptor is -----------------------------------------------------------------------
 
 static mode_t kind_of(int fd) {

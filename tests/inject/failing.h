@@ -17,6 +17,7 @@ enum door {
 
 #define CALLERS_MAX 48
 #define FRAMES_MAX 16
+#define NAME_MAX_BYTES 32
 
 struct plan {
     atomic_int door;             // that fails; -1: none
@@ -26,14 +27,16 @@ struct plan {
     atomic_llong left;           // calls until the first failure
     atomic_llong failed;         // how many failed
     atomic_llong clock_off_ns;   // of the time of day
+    char path[NAME_MAX_BYTES];   // only files whose path has this in it are not opened; "": all
     uint64_t frames[FRAMES_MAX]; // who called when the first one failed, addresses in the program
-    char callers[CALLERS_MAX][32];
+    char callers[CALLERS_MAX][NAME_MAX_BYTES];
     atomic_llong counts[CALLERS_MAX][DOORS];
 };
 
 #pragma GCC visibility push(hidden)
 // Whether this call, made from `address`, fails. It has then set errno.
 bool failing_now(enum door door, const void *address);
+bool failing_to_open(const char *path, const void *address);
 // The same for bytes through a descriptor or a stream. Pipes, events, terminals and the log on
 // stderr never fail.
 bool failing_bytes(int fd, enum door of_file, enum door of_socket, const void *address);

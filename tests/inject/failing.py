@@ -11,7 +11,8 @@ with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "doors.def"))
     DOORS = tuple(name.lower() for name in re.findall(r"^DOOR\((\w+),", f.read(), re.M))
 CALLERS_MAX, FRAMES_MAX, NAME = 48, 16, 32
 HEAD = "<iiiiqqq"
-FRAMES_AT = struct.calcsize(HEAD)
+PATH_AT = struct.calcsize(HEAD)
+FRAMES_AT = PATH_AT + NAME
 NAMES_AT = FRAMES_AT + 8 * FRAMES_MAX
 COUNTS_AT = NAMES_AT + NAME * CALLERS_MAX
 SIZE = COUNTS_AT + 8 * CALLERS_MAX * len(DOORS)
@@ -30,11 +31,13 @@ class Plan:
     def environment(self):
         return {"LD_PRELOAD": os.environ["ARTHRON_FAILING_LIBRARY"], "ARTHRON_FAILING": self.path}
 
-    def fail(self, door, n=1, on=False, caller="program", error=0):
-        """The n-th call from now on fails, with `on` each after it, too."""
+    def fail(self, door, n=1, on=False, caller="program", error=0, path=""):
+        """The n-th call from now on fails, with `on` each after it, too. path: of those that open a file, only those
+        whose path has it count."""
         names = self.callers()
         number = -1 if caller is None else names.index(caller) if caller in names else 0
         self.calm()
+        self.memory[PATH_AT:FRAMES_AT] = path.encode().ljust(NAME, b"\0")
         self.memory[FRAMES_AT:NAMES_AT] = bytes(8 * FRAMES_MAX)
         struct.pack_into("<iiiqq", self.memory, 4, on, error, number, n - 1, 0)
         struct.pack_into("<i", self.memory, 0, DOORS.index(door))

@@ -17,7 +17,8 @@
 // ---- opening ------------------------------------------------------------------------------------
 
 static int open_at(const void *address, int folder, const char *path, int flags, mode_t mode) {
-    return failing_now(OPEN, address) ? -1 : (int)syscall(SYS_openat, folder, path, flags, mode);
+    return failing_to_open(path, address) ? -1
+                                          : (int)syscall(SYS_openat, folder, path, flags, mode);
 }
 
 #define OPEN_FUNCTION(name, folder, ...)                                                           \
@@ -37,7 +38,11 @@ int creat(const char *path, mode_t mode) {
     return open_at(__builtin_return_address(0), AT_FDCWD, path, O_WRONLY | O_CREAT | O_TRUNC, mode);
 }
 
-CALL(OPEN, NULL, DIR *, opendir, (const char *path), (path))
+DIR *opendir(const char *path) {
+    REAL(opendir);
+    return failing_to_open(path, __builtin_return_address(0)) ? NULL : real(path);
+}
+
 CALL(OPEN, -1, int, posix_openpt, (int flags), (flags))
 
 // ---- bytes --------------------------------------------------------------------------------------

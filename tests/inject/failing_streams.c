@@ -7,10 +7,16 @@
 
 #define ERROR_FLAG 0x20 // of glibc: what ferror reads
 
-CALL(OPEN, NULL, FILE *, fopen, (const char *restrict path, const char *restrict mode),
-     (path, mode))
-CALL(OPEN, NULL, FILE *, fopen64, (const char *restrict path, const char *restrict mode),
-     (path, mode))
+FILE *fopen(const char *restrict path, const char *restrict mode) {
+    REAL(fopen);
+    return failing_to_open(path, __builtin_return_address(0)) ? NULL : real(path, mode);
+}
+
+FILE *fopen64(const char *restrict path, const char *restrict mode) {
+    REAL(fopen64);
+    return failing_to_open(path, __builtin_return_address(0)) ? NULL : real(path, mode);
+}
+
 CALL(MEMORY, NULL, FILE *, fdopen, (int fd, const char *mode), (fd, mode))
 CALL(MEMORY, NULL, FILE *, open_memstream, (char **out_text, size_t *out_size),
      (out_text, out_size))

@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <libgen.h>
 #include <limits.h>
 #include <stdio.h>
 #include <string.h>
@@ -55,6 +56,16 @@ static enum result write_lines(const char *path, int flags,
     return done ? RESULT_OK : RESULT_IO;
 }
 
+static bool sync_folder(const char *path) {
+    char copy[PATH_MAX];
+    snprintf(copy, sizeof copy, "%s", path);
+    int fd = open(dirname(copy), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    bool done = fd >= 0 && fsync(fd) == 0;
+    if (fd >= 0)
+        close(fd);
+    return done;
+}
+
 enum result audit_spool_write(const char *records,
                               const struct store_audit_entry *(*next)(void *user), void *user,
                               struct error *err) {
@@ -64,7 +75,7 @@ enum result audit_spool_write(const char *records,
         result = path_of(records, ".draft", draft, err);
     if (result == RESULT_OK)
         result = write_lines(draft, O_TRUNC, next, user, err);
-    if (result == RESULT_OK && rename(draft, path) != 0)
+    if (result == RESULT_OK && (rename(draft, path) != 0 || !sync_folder(path)))
         result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     return result;
 }

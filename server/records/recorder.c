@@ -485,6 +485,7 @@ void recorder_stop(struct recorder **recorder) {
     pthread_cond_signal(&r->wake);
     pthread_mutex_unlock(&r->mutex);
     pthread_join(r->thread, NULL);
+    *recorder = NULL; // recorder_write_last has nothing to say from here on
     while (r->first)
         drop_first(r);
     pthread_cond_destroy(&r->wake);
@@ -493,5 +494,4 @@ void recorder_stop(struct recorder **recorder) {
     free(r->traces_dir);
     free(r->authority);
     free(r);
-    *recorder = NULL;
 }

@@ -267,8 +267,8 @@ static void end(struct sessions **sessions, bool hand_over) {
     if (s->control)
         control_destroy(&s->control);
     manager_destroy(s);
-    need_before_end(NULL, NULL);
     recorder_stop(&s->recorder);
+    need_before_end(NULL, NULL);
     release(s);
     *sessions = NULL;
 }

@@ -53,7 +53,8 @@ static void *on_viewer(void *user, const struct web_account *account) {
 }
 
 static bool on_page(void *user, void *viewer, const arthron_Page *message) {
-    return live_server_take(((struct browsers *)user)->live, viewer, message);
+    live_server_take(((struct browsers *)user)->live, viewer, message);
+    return true;
 }
 
 static size_t on_batch(void *user, void *viewer, int64_t now_ns, uint8_t *out, size_t size,

@@ -9,6 +9,13 @@
 
 #define REMARKS_AT_ONCE 16
 
+// Of one page, to the thread that lands all cuts: what comes faster waits, and only the last
+// counts.
+#define ASKS_HZ 2
+#define ASKS_BURST 4
+#define ACKS_HZ 60
+#define ACKS_BURST 120
+
 // Pages of the same rate are due at the same times, so that one moment serves them all.
 static int64_t next_due(const struct viewer *viewer, int64_t now_ns) {
     return (now_ns / viewer->period_ns + 1) * viewer->period_ns;
@@ -60,13 +67,14 @@ int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now
 
 // ---- one station --------------------------------------------------------------------------------
 
-static void clear_sendings(struct viewer *viewer) {
+static void clear_meshes(struct viewer *viewer) {
     for (int i = 0; i < TISSUES_MAX; i++)
         mesh_payload_release(&viewer->sendings[i].payload);
+    viewer->words = (struct mesh_words){.asks = false};
 }
 
 static void leave_meshes(struct viewer *viewer) {
-    clear_sendings(viewer);
+    clear_meshes(viewer);
     if (!viewer->mailbox)
         return;
     mailbox_leave(viewer->mailbox);
@@ -148,7 +156,7 @@ static bool introduce(struct live_server *live, struct viewer *viewer, struct li
     fill_session(live, viewer, &live->item.message.session);
     if (!batch_say(batch, &live->item))
         return false;
-    clear_sendings(viewer);
+    clear_meshes(viewer);
     follow_its_meshes(live, viewer);
     viewer->introduced = true;
     viewer->barred = false;
@@ -243,22 +251,33 @@ static bool put_chunk(struct live_server *live, struct viewer *viewer, struct li
     return false;
 }
 
-bool follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message) {
-    if (!viewer->mailbox || !viewer->introduced)
-        return true;
+static void send_words(struct live_server *live, struct viewer *viewer) {
+    const struct mesh_words *words = &viewer->words;
+    int64_t now_ns = clock_now_ns();
+    if (!words->asks && !words->ack_count)
+        return;
+    if (words->asks ? !bucket_take(&viewer->asks, ASKS_HZ, ASKS_BURST, now_ns)
+                    : !bucket_take(&viewer->acks, ACKS_HZ, ACKS_BURST, now_ns))
+        return;
     struct mesh_request request = {.station = viewer->station,
                                    .session = viewer->session,
+                                   .mailbox = mailbox_hold(viewer->mailbox),
                                    .mismatch = viewer->watch.mismatch,
-                                   .asks = message->which_message == arthron_Page_mesh_ask_tag};
-    if (request.asks)
-        request.ask = message->message.mesh_ask;
-    else
-        request.ack = message->message.mesh_ack;
-    request.mailbox = mailbox_hold(viewer->mailbox);
+                                   .words = *words};
     if (runtime_mesh_request(sessions_runtime(live->sessions), &request))
-        return true;
-    mailbox_release(&request.mailbox);
-    return false;
+        viewer->words = (struct mesh_words){.asks = false};
+    else
+        mailbox_release(&request.mailbox); // the next batch tries again
+}
+
+void follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message) {
+    if (!viewer->mailbox || !viewer->introduced)
+        return;
+    if (message->which_message == arthron_Page_mesh_ask_tag)
+        mesh_words_ask(&viewer->words, &message->message.mesh_ask);
+    else
+        mesh_words_ack(&viewer->words, &message->message.mesh_ack);
+    send_words(live, viewer);
 }
 
 // ---- all of one station -------------------------------------------------------------------------
@@ -297,6 +316,8 @@ int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t 
         if (!batch->full)
             viewer->due_ns = next_due(viewer, now_ns);
     }
-    bool more = viewer->introduced && viewer->mailbox && put_chunk(live, viewer, batch);
-    return more ? now_ns : viewer->due_ns;
+    if (!viewer->introduced || !viewer->mailbox)
+        return viewer->due_ns;
+    send_words(live, viewer);
+    return put_chunk(live, viewer, batch) ? now_ns : viewer->due_ns;
 }

@@ -210,20 +210,21 @@ static void take_command(struct live_server *live, struct viewer *viewer,
         viewer->refused++;
 }
 
-bool live_server_take(struct live_server *live, struct viewer *viewer,
+void live_server_take(struct live_server *live, struct viewer *viewer,
                       const arthron_Page *message) {
     switch (message->which_message) {
     case arthron_Page_watch_tag:
         take_watch(live, viewer, &message->message.watch);
-        return true;
+        break;
     case arthron_Page_command_tag:
         take_command(live, viewer, &message->message.command);
-        return true;
+        break;
     case arthron_Page_mesh_ask_tag:
     case arthron_Page_mesh_ack_tag:
-        return follow_meshes(live, viewer, message);
+        follow_meshes(live, viewer, message);
+        break;
     default:
-        return true;
+        break;
     }
 }
 

@@ -49,8 +49,8 @@ void live_server_on_news(struct live_server *live, void (*on_news)(void *user), 
 struct viewer *live_server_join(struct live_server *live, const struct live_account *account);
 void live_server_leave(struct live_server *live, struct viewer *viewer);
 
-// False if the page sent a message that it may not send, or too many.
-bool live_server_take(struct live_server *live, struct viewer *viewer, const arthron_Page *message);
+// What the page may not ask for, or asks too often, is answered, or waits.
+void live_server_take(struct live_server *live, struct viewer *viewer, const arthron_Page *message);
 
 // The next batch: an encoded LiveBatch. `size` is at least LIVE_BATCH_MAX. Returns 0 if there is
 // nothing to send now. *out_next_ns: when to ask again, unless `on_news` is called before.

@@ -1,6 +1,7 @@
 // Viewers, batches and the cache of each station's messages. Private to this room.
 #pragma once
 
+#include "base/bucket.h"
 #include "base/ring.h"
 #include "base/task_pool.h"
 #include "live/live.h"
@@ -106,6 +107,8 @@ struct viewer {
     struct tissue_figures figures[TISSUES_MAX]; // the last that the page got
     int64_t metrics_ns;
     struct mailbox *mailbox; // NULL: no meshes
+    struct mesh_words words; // of the page, which the cut worker has not got yet
+    struct bucket asks, acks;
     struct sending {
         struct mesh_payload *payload;
         uint32_t index;
@@ -159,8 +162,8 @@ int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t 
 void follow_end(struct viewer *viewer); // the viewer no longer watches this
 // Says that the viewer may not see what is at a station, if there is one.
 void follow_bar(struct viewer *viewer, const char *station);
-// Takes a page's message about its meshes. False: too busy.
-bool follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message);
+// Takes a page's message about its meshes. It reaches the cut worker when the page may be served.
+void follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message);
 
 // ---- command_runner.c ----
 

@@ -14,7 +14,13 @@ void mesh_inbox_fini(struct mesh_inbox *inbox) {
     pthread_mutex_destroy(&inbox->lock);
 }
 
-static void put_ack(struct mesh_words *words, const arthron_MeshState *ack) {
+void mesh_words_ask(struct mesh_words *words, const arthron_MeshAsk *ask) {
+    words->asks = true;
+    words->ask = *ask;
+    words->ack_count = 0;
+}
+
+void mesh_words_ack(struct mesh_words *words, const arthron_MeshState *ack) {
     int at = 0;
     while (at < words->ack_count && strcmp(words->acks[at].group, ack->group) != 0)
         at++;
@@ -31,13 +37,10 @@ void mesh_inbox_put(struct mesh_inbox *inbox, struct control_peer peer,
     struct mesh_words *words = &inbox->words;
     pthread_mutex_lock(&inbox->lock);
     words->peer = peer;
-    if (message->which_message == arthron_Control_mesh_ask_tag) {
-        words->asks = true;
-        words->ask = message->message.mesh_ask;
-        words->ack_count = 0;
-    } else {
-        put_ack(words, &message->message.mesh_ack);
-    }
+    if (message->which_message == arthron_Control_mesh_ask_tag)
+        mesh_words_ask(words, &message->message.mesh_ask);
+    else
+        mesh_words_ack(words, &message->message.mesh_ack);
     inbox->filled = true;
     pthread_mutex_unlock(&inbox->lock);
 }

@@ -1,6 +1,5 @@
 // What a station said about its meshes, from the control thread to the cut worker. It keeps only
-// what still counts, so there is always room: an ask replaces all before it, and an acknowledgement
-// that of the same group.
+// what still counts, so there is always room.
 #pragma once
 
 #include "base/bucket.h"
@@ -9,7 +8,7 @@
 
 #include <pthread.h>
 
-// In this order.
+// In this order. left, peer: of a station, not of a page.
 struct mesh_words {
     bool left; // the connection before this one has ended
     struct control_peer peer;
@@ -18,6 +17,10 @@ struct mesh_words {
     int ack_count;
     arthron_MeshState acks[TISSUES_MAX];
 };
+
+void mesh_words_ask(struct mesh_words *words, const arthron_MeshAsk *ask); // replaces all before it
+// Replaces that of the same group. Of more groups than a case has tissues, the oldest is dropped.
+void mesh_words_ack(struct mesh_words *words, const arthron_MeshState *ack);
 
 struct mesh_inbox {
     pthread_mutex_t lock; // held for copies only
@@ -29,7 +32,7 @@ struct mesh_inbox {
 void mesh_inbox_init(struct mesh_inbox *inbox);
 void mesh_inbox_fini(struct mesh_inbox *inbox);
 
-// message: a MeshAsk or mesh_ack. Of more groups than a case has tissues, the oldest is dropped.
+// message: a MeshAsk or mesh_ack.
 void mesh_inbox_put(struct mesh_inbox *inbox, struct control_peer peer,
                     const arthron_Control *message);
 void mesh_inbox_leave(struct mesh_inbox *inbox); // the station has gone

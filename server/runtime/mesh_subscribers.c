@@ -42,11 +42,13 @@ void mesh_subscribers_take(struct mesh_subscribers *list, const struct mesh_requ
         subscriber->mailbox = mailbox_hold(request->mailbox);
     if (subscriber)
         subscriber->mismatch = request->mismatch;
+    const struct mesh_words *words = &request->words;
     for (int i = 0; subscriber && i < count; i++) {
-        if (request->asks)
-            mesh_cursor_ask(&subscriber->cursors[i], groups[i], &request->ask);
-        else if (!strcmp(groups[i], request->ack.group))
-            mesh_cursor_ack(&subscriber->cursors[i], &request->ack);
+        if (words->asks)
+            mesh_cursor_ask(&subscriber->cursors[i], groups[i], &words->ask);
+        for (int k = 0; k < words->ack_count; k++)
+            if (!strcmp(groups[i], words->acks[k].group))
+                mesh_cursor_ack(&subscriber->cursors[i], &words->acks[k]);
     }
 }
 

@@ -4,21 +4,18 @@
 
 #include "net/mesh_feed.h"
 #include "runtime/mailbox.h"
+#include "runtime/mesh_inbox.h"
 #include "runtime/mismatch_feed.h"
 
 #define MESH_SUBSCRIBERS_MAX 16 // of one station
 
-// A page's MeshAsk or mesh_ack, as a station sends them (PROTOCOL.md).
+// What a page said about its meshes, as a station does (PROTOCOL.md).
 struct mesh_request {
     int station;
     uint64_t session; // serial of the page's session; a request for another session is dropped
     struct mailbox *mailbox; // a reference; the receiver of the request releases it
     bool mismatch;           // is to come with the meshes
-    bool asks;               // else it acknowledges
-    union {
-        arthron_MeshAsk ask;
-        arthron_MeshState ack;
-    };
+    struct mesh_words words;
 };
 
 struct mesh_subscribers {

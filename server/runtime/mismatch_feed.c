@@ -6,8 +6,10 @@
 #include <stdlib.h>
 
 void mismatch_feed_fini(struct mismatch_feed *feed) {
-    for (int i = 0; i < TISSUES_MAX; i++)
+    for (int i = 0; i < TISSUES_MAX; i++) {
         free(feed->of[i].bytes);
+        mesh_payload_release(&feed->of[i].whole);
+    }
     *feed = (struct mismatch_feed){0};
 }
 
@@ -27,9 +29,15 @@ struct mesh_payload *mismatch_feed_add(struct mismatch_feed *feed,
     struct mismatch_bytes *b = &feed->of[tissue];
     if (b->number != payload->number) {
         measure(b, operation, tissue);
+        mesh_payload_release(&b->whole);
         b->number = payload->number;
     }
-    struct mesh_payload *both = mesh_payload_with_mismatch(payload, b->bytes, b->size);
+    bool whole = payload->base == 0;
+    struct mesh_payload *both = whole && b->whole
+                                    ? mesh_payload_hold(b->whole)
+                                    : mesh_payload_with_mismatch(payload, b->bytes, b->size);
+    if (whole && !b->whole)
+        b->whole = mesh_payload_hold(both);
     mesh_payload_release(&payload);
     return both;
 }

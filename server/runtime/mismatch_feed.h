@@ -1,5 +1,6 @@
 // How far touch and sight differ (match/mismatch.h), behind the payloads of pages that ask for it.
-// It is computed once for each mesh that such a page gets. One thread at a time.
+// It is computed once for each mesh that such a page gets, and the whole mesh is put together with
+// it once. One thread at a time.
 #pragma once
 
 #include "net/mesh_payload.h"
@@ -10,6 +11,7 @@ struct mismatch_feed { // zeroed: nothing
         uint32_t number; // of the mesh; 0: none
         size_t size;
         uint8_t *bytes;
+        struct mesh_payload *whole; // with these; NULL: nobody has needed it
     } of[TISSUES_MAX];
 };
 

@@ -8,8 +8,12 @@
 
 #include <stdio.h>
 
+// knee: as the server has loaded it; NULL: the case is read here. refusal: why the server could not
+// load it, so that `knee` is another; empty or NULL: it could.
 struct api_case {
     const char *name, *dir;
+    const struct knee_case *knee;
+    const char *refusal;
 };
 
 struct api_station {

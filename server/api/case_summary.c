@@ -2,6 +2,7 @@
 
 #include "api/call.h"
 #include "base/check.h"
+#include "base/task_pool.h"
 #include "case/case.h"
 #include "check/grade.h"
 
@@ -12,6 +13,7 @@
 #include <sys/stat.h>
 
 #define FILES 2
+#define READER_NICE 19
 
 static const char *const files[FILES] = {"case.json", "anatomy.glb"};
 
@@ -20,7 +22,8 @@ struct file_stamp {
 };
 
 struct summary {
-    bool is_read;
+    struct case_summaries *all;
+    bool is_known, is_being_read;
     struct file_stamp stamps[FILES]; // when it was read
     uint64_t hash;                   // 0: it cannot be read
     json_t *row;                     // without its grade
@@ -28,33 +31,13 @@ struct summary {
 };
 
 struct case_summaries {
-    pthread_mutex_t lock;
+    pthread_mutex_t lock; // of the entries; never held over a reading
     const struct api_case *cases;
     case_checker check;
     int count;
     struct summary *entries;
+    struct task_pool *reader; // one thread
 };
-
-struct case_summaries *case_summaries_create(const struct api_case *cases, int count,
-                                             case_checker check) {
-    struct case_summaries *summaries = alloc(1, sizeof *summaries);
-    *summaries = (struct case_summaries){.cases = cases, .check = check, .count = count};
-    summaries->entries = alloc((unsigned long)count + 1, sizeof *summaries->entries);
-    pthread_mutex_init(&summaries->lock, NULL);
-    return summaries;
-}
-
-void case_summaries_destroy(struct case_summaries **summaries) {
-    struct case_summaries *c = *summaries;
-    if (!c)
-        return;
-    for (int i = 0; i < c->count; i++)
-        json_decref(c->entries[i].row);
-    pthread_mutex_destroy(&c->lock);
-    free(c->entries);
-    free(c);
-    *summaries = NULL;
-}
 
 // ---- the case -----------------------------------------------------------------------------------
 
@@ -81,20 +64,44 @@ static json_t *groups_of(const struct knee_case *knee) {
     return groups;
 }
 
-static void read_case(const struct api_case *about, case_checker check, struct summary *summary) {
-    struct knee_case *knee;
-    struct error err = {""};
-    json_decref(summary->row);
+static void set_known(struct summary *summary, const struct api_case *about,
+                      const struct knee_case *knee, const char *broken) {
+    summary->is_known = true;
     summary->row = json_pack("{s:o}", "name", call_string(about->name));
-    summary->hash = 0;
-    if (case_load_checked(about->dir, check, &knee, &err) != RESULT_OK) {
-        snprintf(summary->broken, sizeof summary->broken, "%s", err.text);
+    snprintf(summary->broken, sizeof summary->broken, "%s", broken);
+    if (!knee)
         return;
-    }
     summary->hash = knee->hash;
     json_object_set_new(summary->row, "title", call_string(knee->title));
     json_object_set_new(summary->row, "groups", groups_of(knee));
+}
+
+// On the reader's thread. A change while it reads is seen by the next request.
+static int64_t read_case(void *data) {
+    struct summary *summary = data, now = {0};
+    struct case_summaries *all = summary->all;
+    const struct api_case *about = &all->cases[summary - all->entries];
+    struct knee_case *knee = NULL;
+    struct error err = {""};
+    take_stamps(about->dir, now.stamps);
+    if (case_load_checked(about->dir, all->check, &knee, &err) != RESULT_OK)
+        knee = NULL;
+    set_known(&now, about, knee, err.text);
     case_destroy(&knee);
+    now.all = all;
+    pthread_mutex_lock(&all->lock);
+    json_decref(summary->row);
+    *summary = now;
+    pthread_mutex_unlock(&all->lock);
+    return TASK_DONE;
+}
+
+// With the lock.
+static void call_reader(struct summary *summary) {
+    if (summary->is_being_read)
+        return;
+    summary->is_being_read =
+        task_pool_add(summary->all->reader, &(struct task){.run = read_case, .data = summary});
 }
 
 // ---- the grade ----------------------------------------------------------------------------------
@@ -108,7 +115,9 @@ static void add_grade(const struct api_case *about, const struct summary *summar
     struct case_grade grade;
     struct error err = {""};
     enum result result = grade_read(about->dir, &grade, &err);
-    if (!summary->hash)
+    if (!summary->is_known)
+        set_grade(row, "unchecked", "the server is reading it");
+    else if (!summary->hash)
         set_grade(row, "broken", error_without_folder(summary->broken));
     else if (result == RESULT_MISSING)
         set_grade(row, "unchecked", "");
@@ -122,23 +131,70 @@ static void add_grade(const struct api_case *about, const struct summary *summar
         set_grade(row, grade_name(grade.grade), grade.reason);
 }
 
+// The row without its grade, of files with these stamps; `out` says what its grade depends on.
+static json_t *copy_known(struct case_summaries *all, int index,
+                          const struct file_stamp stamps[FILES], struct summary *out) {
+    struct summary *summary = &all->entries[index];
+    pthread_mutex_lock(&all->lock);
+    if (summary->is_known && memcmp(stamps, summary->stamps, sizeof summary->stamps) != 0)
+        summary->is_known = false;
+    if (!summary->is_known)
+        call_reader(summary);
+    *out = *summary;
+    json_t *row = summary->row ? json_deep_copy(summary->row)
+                               : json_pack("{s:o}", "name", call_string(all->cases[index].name));
+    pthread_mutex_unlock(&all->lock);
+    return row;
+}
+
 json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[17]) {
     CHECK(index >= 0 && index < summaries->count);
     const struct api_case *about = &summaries->cases[index];
-    struct summary *summary = &summaries->entries[index];
+    struct summary known;
     struct file_stamp stamps[FILES];
-    pthread_mutex_lock(&summaries->lock);
     take_stamps(about->dir, stamps);
-    if (!summary->is_read || memcmp(stamps, summary->stamps, sizeof stamps) != 0)
-        read_case(about, summaries->check, summary);
-    summary->is_read = true;
-    memcpy(summary->stamps, stamps, sizeof stamps);
-    json_t *row = json_deep_copy(summary->row);
+    json_t *row = copy_known(summaries, index, stamps, &known);
     out_hash[0] = '\0';
-    if (summary->hash)
-        snprintf(out_hash, 17, "%016" PRIx64, summary->hash);
-    add_grade(about, summary, row);
-    pthread_mutex_unlock(&summaries->lock);
-    json_object_set_new(row, "hash", summary->hash ? json_string(out_hash) : json_null());
+    if (known.is_known && known.hash)
+        snprintf(out_hash, 17, "%016" PRIx64, known.hash);
+    json_object_set_new(row, "hash", out_hash[0] ? json_string(out_hash) : json_null());
+    add_grade(about, &known, row);
     return row;
+}
+
+// ---- begin and end ------------------------------------------------------------------------------
+
+struct case_summaries *case_summaries_create(const struct api_case *cases, int count,
+                                             case_checker check) {
+    const struct task_pool_settings reader = {
+        .threads = 1, .tasks_max = count, .nice = READER_NICE};
+    struct case_summaries *all = alloc(1, sizeof *all);
+    *all = (struct case_summaries){.cases = cases, .check = check, .count = count};
+    all->entries = alloc((unsigned long)count, sizeof *all->entries);
+    all->reader = task_pool_create(&reader);
+    pthread_mutex_init(&all->lock, NULL);
+    for (int i = 0; i < count; i++) {
+        struct summary *summary = &all->entries[i];
+        bool is_refused = cases[i].refusal && cases[i].refusal[0];
+        summary->all = all;
+        take_stamps(cases[i].dir, summary->stamps);
+        if (is_refused)
+            set_known(summary, &cases[i], NULL, cases[i].refusal);
+        else if (cases[i].knee)
+            set_known(summary, &cases[i], cases[i].knee, "");
+    }
+    return all;
+}
+
+void case_summaries_destroy(struct case_summaries **summaries) {
+    struct case_summaries *all = *summaries;
+    if (!all)
+        return;
+    task_pool_destroy(&all->reader);
+    for (int i = 0; i < all->count; i++)
+        json_decref(all->entries[i].row);
+    pthread_mutex_destroy(&all->lock);
+    free(all->entries);
+    free(all);
+    *summaries = NULL;
 }

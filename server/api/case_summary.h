@@ -1,5 +1,6 @@
-// Summaries of the config's cases for pages. The files may change while the server runs: a case is
-// read again after a change. Any thread may call; while one reads a case, the others wait.
+// Summaries of the config's cases for pages. The files may change while the server runs: after a
+// change a thread of low priority reads the case again. Any thread may call, and waits for no
+// reading: until then the summary says that the case is being read.
 #pragma once
 
 #include "api/api.h"

@@ -18,6 +18,7 @@
 
 struct browsers {
     struct api_case cases[SESSIONS_CASES_MAX];
+    struct error refused[SESSIONS_CASES_MAX]; // why the server could not read them
     struct api_station stations[STATIONS_MAX];
     char link[LINK_MAX];
     const char *records;
@@ -155,10 +156,23 @@ static enum result make_link(const struct web_settings *web, char out[LINK_MAX],
     return RESULT_OK;
 }
 
+static struct api_case case_of(struct browsers *b, struct sessions *sessions, int index) {
+    const struct session_case *served = &sessions_config(sessions)->cases[index];
+    struct error *why = &b->refused[index];
+    char text[sizeof why->text];
+    if (sessions_case_is_broken(sessions, index, why)) { // a page knows which case it is
+        size_t length = (size_t)snprintf(text, sizeof text, "case %s: ", served->name);
+        if (!strncmp(why->text, text, length))
+            memmove(why->text, why->text + length, strlen(why->text + length) + 1);
+    }
+    return (struct api_case){served->name, served->dir, scene_case(sessions_scene(sessions, index)),
+                             why->text};
+}
+
 static enum result open_api(struct browsers *b, struct sessions *sessions, struct error *err) {
     const struct sessions_config *served = sessions_config(sessions);
     for (int i = 0; i < served->case_count; i++)
-        b->cases[i] = (struct api_case){served->cases[i].name, served->cases[i].dir};
+        b->cases[i] = case_of(b, sessions, i);
     for (int i = 0; i < served->station_count; i++) {
         const struct session_station *station = &served->stations[i];
         b->stations[i] = (struct api_station){station->name, station->case_name, station->trainee,

@@ -347,6 +347,10 @@ const struct scene *sessions_scene(const struct sessions *s, int index) {
     return s->scenes[index];
 }
 
+bool sessions_case_is_broken(const struct sessions *s, int index, struct error *why) {
+    return grades_are_broken(s->grades, index, why);
+}
+
 struct runtime *sessions_runtime(struct sessions *s) {
     return s->runtime;
 }

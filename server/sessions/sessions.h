@@ -49,4 +49,6 @@ bool sessions_remarks(struct sessions *sessions, int station, uint64_t session, 
 
 const struct sessions_config *sessions_config(const struct sessions *sessions);
 const struct scene *sessions_scene(const struct sessions *sessions, int index); // of a case
+// Whether a case could not be read at the start, and why: "case NAME: ...".
+bool sessions_case_is_broken(const struct sessions *sessions, int index, struct error *out_why);
 struct runtime *sessions_runtime(struct sessions *sessions);

@@ -9,12 +9,15 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 struct api *the_api;
 char api_dir[FOLDER_MAX];
 struct web_response answer;
 const char *device;
 json_t *said;
+case_checker api_checker;
+void (*api_on_report)(void);
 
 static struct error err;
 static char records[FOLDER_MAX + 32], keys[FOLDER_MAX + 32], dirs[2][FOLDER_MAX + 32];
@@ -89,6 +92,8 @@ static enum result report(void *user, const struct api_report *about, FILE *file
                           struct error *why) {
     (void)user;
     char text[80];
+    if (api_on_report)
+        api_on_report();
     FILE *in = fopen(about->trace, "r");
     assert_non_null(in);
     text[fread(text, 1, sizeof text - 1, in)] = '\0';
@@ -105,7 +110,8 @@ static enum result report(void *user, const struct api_report *about, FILE *file
 
 void api_restart(void) {
     static const char link[] = "https://server.example.org:4880/";
-    const struct api_config config = {records, keys, link, cases, 2, stations, 2, report, 4810};
+    const struct api_config config = {records, keys,   link, cases, 2,          stations,
+                                      2,       report, 4810, NULL,  api_checker};
     api_destroy(&the_api);
     assert_ok(api_create(&config, &the_api, &err));
 }
@@ -241,6 +247,16 @@ const char *text_at(const char *path) {
 double number_at(const char *path) {
     json_t *value = value_at(path);
     return json_is_number(value) ? json_number_value(value) : (double)NAN;
+}
+
+void api_wait_for_cases(const char *token) {
+    for (int i = 0; i < 5000; i++) {
+        assert_int_equal(ask("GET", "/cases", token, NULL), 200);
+        if (!strstr(answer.body, "the server is reading it"))
+            return;
+        usleep(1000);
+    }
+    fail_msg("the cases are still being read");
 }
 
 const char *error_code(void) {

@@ -27,6 +27,11 @@ int api_end(void **state);
 
 // Another server on the same folder.
 void api_restart(void);
+// What such a server asks before it reads a case, or NULL; what it does before it writes a report.
+extern case_checker api_checker;
+extern void (*api_on_report)(void);
+
+void api_wait_for_cases(const char *token); // until all are read
 
 const char *in_api(const char *name);           // a path in the folder; good for four calls
 struct store *api_store(void);                  // for the caller to close

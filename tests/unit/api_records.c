@@ -466,7 +466,7 @@ static void cases_come_with_their_grade_and_files(void **state) {
     (void)state;
     char etag[80];
     const char *token = token_of("ada.l");
-    assert_int_equal(ask("GET", "/cases", token, NULL), 200);
+    api_wait_for_cases(token);
     assert_int_equal(count_at("cases"), 2);
     assert_string_equal(text_at("cases.0.title"), "A knee of boxes – ½");
     assert_string_equal(text_at("cases.0.groups.0.name"), "tibia");
@@ -498,6 +498,7 @@ static void a_case_that_changes_is_told_as_it_is(void **state) {
     (void)state;
     char etag[80];
     const char *token = token_of("ada.l");
+    api_wait_for_cases(token);
     assert_int_equal(ask("GET", "/cases/healthy/case.json", token, NULL), 200);
     snprintf(etag, sizeof etag, "%s", answer.etag);
     struct knee_case *knee = box_knee();
@@ -506,6 +507,7 @@ static void a_case_that_changes_is_told_as_it_is(void **state) {
     case_destroy(&knee);
     assert_int_equal(ask("GET", "/cases/healthy/case.json", token, NULL), 200);
     assert_string_not_equal(answer.etag, etag);
+    api_wait_for_cases(token);
     assert_int_equal(ask("GET", "/cases/healthy", token, NULL), 200);
     assert_string_equal(text_at("case.title"), "Other boxes");
     assert_string_not_equal(text_at("case.hash"), etag);

@@ -124,11 +124,9 @@ static bool need_role(struct api_call *call, enum store_role *out_role) {
     return false;
 }
 
-// Encoding takes long: somebody may have signed the caller out meanwhile.
+// Somebody may have signed the caller out meanwhile.
 static bool encode(struct api_call *call, const char *password, char encoded[PASSWORD_ENCODED]) {
-    call_close_store(call);
-    password_encode(password, encoded);
-    return call_open_store(call) && call_is_still_in(call);
+    return call_encode_password(call, password, encoded) && call_is_still_in(call);
 }
 
 // An account with the role trainee belongs to a trainee, any other to none.

@@ -3,6 +3,7 @@
 #include "api/password.h"
 #include "api/secret.h"
 #include "base/check.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/number.h"
 
@@ -12,6 +13,7 @@
 #include <string.h>
 
 #define DEPTH_MAX 4
+#define MEMORY_S 10 // until there may be some again
 
 // ---- answers ------------------------------------------------------------------------------------
 
@@ -82,6 +84,16 @@ bool call_check(struct api_call *call, enum result result, const struct error *e
     }
     log_error("api", "%s", err->text);
     call_refuse(call, 500, "failed", NULL, "The request failed; the server's log says why.");
+    return false;
+}
+
+bool call_check_memory(struct api_call *call, enum result result) {
+    if (result == RESULT_OK)
+        return true;
+    if (tally_is_told(tally_add(&call->api->tally, "no memory", clock_now_ns())))
+        log_warning("api", "there is no memory to look at a password");
+    call_refuse(call, 503, "busy", NULL, "The server is short of memory; try again later.");
+    call->response->retry_after_s = MEMORY_S;
     return false;
 }
 
@@ -277,6 +289,13 @@ bool call_open_store(struct api_call *call) {
 
 void call_close_store(struct api_call *call) {
     store_close(&call->store);
+}
+
+bool call_encode_password(struct api_call *call, const char *password, char *out_encoded) {
+    struct error err;
+    call_close_store(call);
+    return call_check_memory(call, password_encode(password, out_encoded, &err)) &&
+           call_open_store(call);
 }
 
 bool call_is_still_in(struct api_call *call) {

@@ -12,7 +12,8 @@
 
 struct case_summaries; // case_summary.h
 
-#define API_REPORTS_MAX 2 // at a time
+#define API_REPORTS_MAX 2         // at a time
+#define API_REPORTS_OF_TRAINEES 1 // of these
 
 struct api {
     struct api_config config;
@@ -53,6 +54,9 @@ void call_refuse(struct api_call *call, int status, const char *code, const char
 // the server's administrator goes to the log.
 bool call_check(struct api_call *call, enum result result, const struct error *err);
 
+// Answers that the server has no memory for a password now, and returns whether it had.
+bool call_check_memory(struct api_call *call, enum result result);
+
 // ---- arguments ----------------------------------------------------------------------------------
 
 // Reads the body: an object of strings with no fields but these (NULL ends them). False, here and
@@ -83,6 +87,9 @@ bool call_take_limit(struct api_call *call, const struct call_query *query, int 
 // Close them before anything that takes long.
 bool call_open_store(struct api_call *call);
 void call_close_store(struct api_call *call);
+
+// Takes some tenths of a second, in which the records are closed. out_encoded: PASSWORD_ENCODED.
+bool call_encode_password(struct api_call *call, const char *password, char *out_encoded);
 
 // Whether the principal is still signed in, after the records were closed for a while.
 bool call_is_still_in(struct api_call *call);

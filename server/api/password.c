@@ -44,26 +44,37 @@ enum result password_check(const char *password, struct error *err) {
     return RESULT_OK;
 }
 
-void password_encode(const char *password, char out_encoded[PASSWORD_ENCODED]) {
+static enum result no_memory(struct error *err) {
+    return fail(err, RESULT_LIMIT, "there is no memory for a password now");
+}
+
+enum result password_encode(const char *password, char out_encoded[PASSWORD_ENCODED],
+                            struct error *err) {
     uint8_t salt[SALT];
     chance_fill(salt, sizeof salt);
+    if (memory_is_short())
+        return no_memory(err);
     enter();
     int code = argon2id_hash_encoded(PASSES, MEMORY_KIB, LANES, password, strlen(password), salt,
                                      sizeof salt, HASH, out_encoded, PASSWORD_ENCODED);
     leave();
-    NEED(code == ARGON2_OK, "memory");
+    CHECK(code == ARGON2_OK || code == ARGON2_MEMORY_ALLOCATION_ERROR);
+    return code == ARGON2_OK ? RESULT_OK : no_memory(err);
 }
 
-bool password_is(const char *encoded, const char *password) {
+enum result password_is(const char *encoded, const char *password, bool *out_right,
+                        struct error *err) {
     static const uint8_t salt[SALT];
     uint8_t hash[HASH];
     size_t length = strlen(password);
-    bool is = false;
+    *out_right = false;
+    if (memory_is_short())
+        return no_memory(err);
     enter();
-    if (encoded)
-        is = argon2id_verify(encoded, password, length) == ARGON2_OK;
-    else
-        argon2id_hash_raw(PASSES, MEMORY_KIB, LANES, password, length, salt, SALT, hash, HASH);
+    int code = encoded ? argon2id_verify(encoded, password, length)
+                       : argon2id_hash_raw(PASSES, MEMORY_KIB, LANES, password, length, salt, SALT,
+                                           hash, HASH);
     leave();
-    return is;
+    *out_right = encoded && code == ARGON2_OK;
+    return code == ARGON2_MEMORY_ALLOCATION_ERROR ? no_memory(err) : RESULT_OK;
 }

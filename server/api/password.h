@@ -13,8 +13,12 @@
 // RESULT_INVALID: too short, too long, or no UTF-8.
 enum result password_check(const char *password, struct error *err);
 
-// With a random salt: the same password gives another text each time.
-void password_encode(const char *password, char out_encoded[PASSWORD_ENCODED]);
+// With a random salt: the same password gives another text each time. RESULT_LIMIT: there is no
+// memory for it now.
+enum result password_encode(const char *password, char out_encoded[PASSWORD_ENCODED],
+                            struct error *err);
 
-// encoded NULL (no such account): false, after the same time as for any other.
-bool password_is(const char *encoded, const char *password);
+// encoded NULL (no such account): not right, after the same time as for any other. RESULT_LIMIT:
+// there is no memory to find out now.
+enum result password_is(const char *encoded, const char *password, bool *out_right,
+                        struct error *err);

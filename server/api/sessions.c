@@ -302,16 +302,18 @@ static void take_first(void *user, const struct store_cell *cells, int count) {
         snprintf(first, STORE_NAME_MAX, "%s", cells[0].text);
 }
 
-// A place among the reports that are being made, one for each account. NULL: there is none.
+// A place among the reports that are being made, one for each account. Staff take the last one that
+// is free, which may be theirs alone. NULL: there is none.
 static char *take_place(struct api_call *call) {
     struct api *api = call->api;
     const char *actor = call->principal.actor;
     char *place = NULL;
+    int places = is_trainee(call) ? API_REPORTS_OF_TRAINEES : API_REPORTS_MAX;
     bool waits = false;
     pthread_mutex_lock(&api->reports_lock);
     for (int i = 0; i < API_REPORTS_MAX; i++) {
         waits = waits || !strcmp(api->reporting[i], actor);
-        if (!api->reporting[i][0])
+        if (i < places && !api->reporting[i][0])
             place = api->reporting[i];
     }
     if (waits)

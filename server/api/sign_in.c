@@ -58,17 +58,26 @@ static bool find_account(struct api_call *call, const char *name, bool *out_ther
     return result == RESULT_MISSING || call_check(call, result, &err);
 }
 
-// The records are closed meanwhile, for that takes its time.
+// The records are closed meanwhile, for that takes its time. False after a refusal, too.
 static bool password_fits(struct api_call *call, bool there, const char *password) {
+    bool right;
+    struct error err;
+    if (strlen(password) > PASSWORD_MOST)
+        return false;
     call_close_store(call);
-    bool fits = password_is(there ? call->principal.password : NULL, password);
-    return call_open_store(call) && fits;
+    const char *encoded = there ? call->principal.password : NULL;
+    return call_check_memory(call, password_is(encoded, password, &right, &err)) &&
+           call_open_store(call) && right;
 }
 
-static void refuse_password(struct api_call *call, const char *field, const char *text) {
+// Unless the request was refused before: then nobody knows whether it is right.
+static void refuse_password(struct api_call *call, const struct tries *tries, const char *field,
+                            const char *text) {
     char subject[STORE_NAME_MAX] = "no account";
-    if (call->response->status)
+    if (call->response->status) {
+        tries_was_right(call, tries);
         return;
+    }
     if (call->principal.number)
         snprintf(subject, sizeof subject, "account %lld", (long long)call->principal.number);
     tries_note_wrong(call, "wrong password", subject);
@@ -88,12 +97,12 @@ static void sign_in_by_password(struct api_call *call) {
         return;
     }
     enum result result = RESULT_MISSING;
-    if (strlen(password) <= PASSWORD_MOST && password_fits(call, there, password))
+    if (password_fits(call, there, password))
         result = set_cookie(call, 200);
     if (result != RESULT_MISSING)
         tries_was_right(call, &tries);
     else
-        refuse_password(call, NULL, "The name or the password is wrong.");
+        refuse_password(call, &tries, NULL, "The name or the password is wrong.");
 }
 
 static void sign_in_by_code(struct api_call *call, const char *typed) {
@@ -177,9 +186,7 @@ void post_first(struct api_call *call) {
     tries_was_right(call, &tries);
     if (!call_need_name(call, "name", &name) || !call_need_password(call, "password", &password))
         return;
-    call_close_store(call);
-    password_encode(password, encoded);
-    if (!call_open_store(call))
+    if (!call_encode_password(call, password, encoded))
         return;
     pthread_mutex_lock(&call->api->first_lock);
     bool made = make_first(call, name, encoded);
@@ -251,16 +258,14 @@ void patch_me(struct api_call *call) {
                     "After a sign-in with a code there is no password to change.");
         return;
     }
-    if (!tries_begin(call, name, &tries) || !find_account(call, name, &there))
+    if (!tries_begin(call, name, &tries))
         return;
-    if (strlen(old) > PASSWORD_MOST || !password_fits(call, there, old)) {
-        refuse_password(call, "password", "The old password is wrong.");
+    if (!find_account(call, name, &there) || !password_fits(call, there, old)) {
+        refuse_password(call, &tries, "password", "The old password is wrong.");
         return;
     }
     tries_was_right(call, &tries);
-    call_close_store(call);
-    password_encode(new, encoded);
-    if (!call_open_store(call))
+    if (!call_encode_password(call, new, encoded))
         return;
     enum result result = store_change_password(call->store, &call->principal, encoded, &err);
     if (result == RESULT_MISSING)

@@ -76,6 +76,7 @@ static bool ask(struct throttle *t, const char *who, const struct throttle_rule 
     int64_t left = k ? left_ns(k, rule, now_ns) : 0;
     if (counts && !left) {
         k->count += k->count < INT_MAX;
+        k->before_ns = k->last_ns;
         k->last_ns = now_ns;
     }
     pthread_mutex_unlock(&t->lock);
@@ -93,12 +94,14 @@ bool throttle_may(struct throttle *t, const char *who, const struct throttle_rul
     return ask(t, who, rule, now_ns, false, out_wait_s);
 }
 
-void throttle_take_back(struct throttle *t, const char *who) {
+void throttle_take_back(struct throttle *t, const char *who, int64_t now_ns) {
     uint64_t key = key_of(who);
     pthread_mutex_lock(&t->lock);
     struct throttle_key *k = find(t, key);
     if (k && k->count > 0)
         k->count--;
+    if (k && k->last_ns == now_ns)
+        k->last_ns = k->before_ns;
     pthread_mutex_unlock(&t->lock);
 }
 

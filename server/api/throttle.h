@@ -20,7 +20,7 @@ struct throttle {
     struct throttle_key {
         uint64_t key; // 0: an empty place
         int count;
-        int64_t last_ns;
+        int64_t last_ns, before_ns; // of the last two tries
     } keys[THROTTLE_KEYS];
 };
 
@@ -28,7 +28,8 @@ struct throttle {
 // does not count, and *out_wait_s is the time to wait. now_ns: monotonic.
 bool throttle_try(struct throttle *throttle, const char *who, const struct throttle_rule *rule,
                   int64_t now_ns, int *out_wait_s);
-void throttle_take_back(struct throttle *throttle, const char *who);
+// now_ns: that of the try.
+void throttle_take_back(struct throttle *throttle, const char *who, int64_t now_ns);
 
 // The same question without counting.
 bool throttle_may(struct throttle *throttle, const char *who, const struct throttle_rule *rule,

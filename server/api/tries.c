@@ -66,11 +66,12 @@ bool tries_begin(struct api_call *call, const char *name, struct tries *out) {
     int64_t now_ns = clock_now_ns();
     int wait_s;
     choose_keys(call, name, out);
+    out->begun_ns = now_ns;
     for (int i = 0; i < out->count; i++) {
         if (throttle_try(throttle, out->keys[i], out->rules[i], now_ns, &wait_s))
             continue;
         while (i-- > 0)
-            throttle_take_back(throttle, out->keys[i]);
+            throttle_take_back(throttle, out->keys[i], now_ns);
         return too_many(call, wait_s);
     }
     return true;
@@ -78,7 +79,7 @@ bool tries_begin(struct api_call *call, const char *name, struct tries *out) {
 
 void tries_was_right(struct api_call *call, const struct tries *tries) {
     for (int i = 0; i < tries->count; i++)
-        throttle_take_back(&call->api->throttle, tries->keys[i]);
+        throttle_take_back(&call->api->throttle, tries->keys[i], tries->begun_ns);
 }
 
 bool tries_may_enter(struct api_call *call, const char *actor) {

@@ -16,6 +16,7 @@ struct tries {
     char keys[TRIES_KEYS_MAX][STORE_NAME_MAX + 80];
     const struct throttle_rule *rules[TRIES_KEYS_MAX];
     int count;
+    int64_t begun_ns;
 };
 
 // Counts a try as wrong until tries_was_right. name: of the account; NULL: with a code or a link.

@@ -68,7 +68,7 @@ static enum result encode(const char *line, char out_encoded[STORE_TEXT_MAX], st
     }
     enum result result = password_check(line, err);
     if (result == RESULT_OK)
-        password_encode(line, out_encoded);
+        result = password_encode(line, out_encoded, err);
     return result;
 }
 

@@ -122,6 +122,7 @@ struct store_principal {
     bool by_account;               // false: by a trainee's code
     int64_t number;                // of the account, or of the trainee who uses a code
     int64_t token;                 // number of the token or code that was looked up; else 0
+    int64_t entry;                 // the last of the audit log when it was looked up
 };
 
 enum result store_find_account(struct store *store, const char *name,

@@ -26,9 +26,10 @@ static void take_text(sqlite3_stmt *statement, int column, char *out, size_t siz
 }
 
 // The columns of PRINCIPAL, and of store_find_token.
-enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, TOKEN, USED };
+enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, ENTRY, TOKEN, USED };
 
-#define PRINCIPAL "SELECT a.id, a.name, a.role, a.password, t.id, t.name"
+#define PRINCIPAL                                                                                  \
+    "SELECT a.id, a.name, a.role, a.password, t.id, t.name, (SELECT max(id) FROM audit)"
 
 static void read_principal(sqlite3_stmt *statement, struct store_principal *out) {
     *out = (struct store_principal){.role = ROLE_TRAINEE};
@@ -41,6 +42,7 @@ static void read_principal(sqlite3_stmt *statement, struct store_principal *out)
     long long account = sqlite3_column_int64(statement, ACCOUNT_ID);
     long long trainee = sqlite3_column_int64(statement, TRAINEE_ID);
     out->number = out->by_account ? account : trainee;
+    out->entry = sqlite3_column_int64(statement, ENTRY);
     if (sqlite3_column_count(statement) > TOKEN)
         out->token = sqlite3_column_int64(statement, TOKEN);
     if (out->role != ROLE_TRAINEE)
@@ -221,8 +223,11 @@ static enum result check_unchanged(struct store *store, const struct store_princ
     enum result result = RESULT_OK;
     if (owner->by_account)
         result =
-            store_find(store, "SELECT id FROM account WHERE name = ? AND password IS nullif(?, '')",
-                       &id, err, "tt", owner->name, owner->password);
+            store_find(store,
+                       "SELECT id FROM account WHERE name = ? AND password IS nullif(?, '') AND "
+                       "NOT EXISTS (SELECT * FROM audit WHERE audit.id > ? AND action = 'sign out' "
+                       "AND subject IN ('account ' || account.id, 'trainee ' || trainee_id))",
+                       &id, err, "tti", owner->name, owner->password, owner->entry);
     if (result == RESULT_OK && owner->token)
         result = store_find(store, "SELECT id FROM token WHERE id = ? AND until_utc_ns > ?", &id,
                             err, "ii", owner->token, clock_utc_ns());

@@ -42,7 +42,7 @@ static void behind_the_free_ones_each_wait_is_twice_as_long(void **state) {
             throttle_may(&throttle, "ada", &rule, (int64_t)((s + 0.5) * NS_PER_S), &wait_s));
         assert_int_equal(wait_s, (int)most);
         assert_true(tries("eve", s + 1000));
-        throttle_take_back(&throttle, "eve");
+        throttle_take_back(&throttle, "eve", (int64_t)((s + 1000) * NS_PER_S));
         s += most;
         assert_true(tries("ada", s));
     }
@@ -83,20 +83,27 @@ static void to_ask_does_not_count(void **state) {
     assert_int_equal(wait_s, 5);
 }
 
+static void take_back(const char *who, double s) {
+    throttle_take_back(&throttle, who, (int64_t)(s * NS_PER_S));
+}
+
 static void tries_taken_back_do_not_count_and_others_stay(void **state) {
     (void)state;
     for (int i = 0; i < 100; i++) {
         assert_true(tries("ada", 1 + i * 0.1));
-        throttle_take_back(&throttle, "ada");
+        take_back("ada", 1 + i * 0.1);
     }
     for (int i = 0; i < 4; i++)
         assert_true(tries("ada", 20));
     assert_true(tries("ada", 20));
-    throttle_take_back(&throttle, "ada");
+    take_back("ada", 20);
     assert_true(tries("ada", 20));
     assert_false(tries("ada", 21));
-    throttle_take_back(&throttle, "nobody");
+    take_back("nobody", 21);
     assert_false(tries("ada", 21));
+    assert_true(tries("ada", 25));
+    take_back("ada", 25); // and nobody waits the longer for it
+    assert_true(tries("ada", 25.5));
 }
 
 // Somebody with many addresses does not make it forget whom they guess at.

@@ -19,7 +19,7 @@
 struct station_connection {
     uint64_t joins; // counts up with each
     bool connected;
-    bool path; // it confirms an address by what replies to that address say
+    bool confirms_in_replies; // it sends back the challenges that come in replies
     struct control_peer peer;
     bool clock_known;
     int64_t clock_offset_ns; // server = station + offset

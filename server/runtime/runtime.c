@@ -105,10 +105,13 @@ static void tell_connection(struct runtime *r, int station) {
     wake_fd(station_worker(r, station)->wake_fd);
 }
 
-void runtime_join(struct runtime *r, int station, struct control_peer peer, bool path) {
+void runtime_join(struct runtime *r, int station, struct control_peer peer,
+                  bool confirms_in_replies) {
     struct station_connection *told = &r->stations[station].told;
-    *told = (struct station_connection){
-        .joins = told->joins + 1, .connected = true, .path = path, .peer = peer};
+    *told = (struct station_connection){.joins = told->joins + 1,
+                                        .connected = true,
+                                        .confirms_in_replies = confirms_in_replies,
+                                        .peer = peer};
     tell_connection(r, station);
 }
 

@@ -24,8 +24,9 @@ void runtime_destroy(struct runtime **runtime); // NULL inside is fine
 
 // ---- a station's connection: the control thread ----
 
-// path: it has that capability.
-void runtime_join(struct runtime *runtime, int station, struct control_peer peer, bool path);
+// confirms_in_replies: it has the capability "path".
+void runtime_join(struct runtime *runtime, int station, struct control_peer peer,
+                  bool confirms_in_replies);
 void runtime_leave(struct runtime *runtime, int station);
 void runtime_set_clock(struct runtime *runtime, int station, int64_t offset_ns);
 void runtime_confirm_path(struct runtime *runtime, int station, uint64_t challenge);

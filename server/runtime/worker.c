@@ -52,7 +52,7 @@ static void station_joined(struct worker *worker, struct station_runtime *statio
     devices_begin(&station->device_watch, station->counts.devices);
     station->udp_connection = random_connection();
     send_keys(worker, station);
-    if (station->connection.path)
+    if (station->connection.confirms_in_replies)
         datagram_challenge_in_replies(worker->endpoint, station->udp_connection);
 }
 

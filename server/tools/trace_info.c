@@ -209,7 +209,7 @@ static void print_remark(const struct survey *s, const struct remark *r) {
     puts(r->withdrawn ? " (withdrawn)" : "");
 }
 
-static void print_text(const struct trace_header *h, const struct survey *s) {
+static void print_origin(const struct trace_header *h) {
     char id[33], start[32];
     hex_text(h->session_id, sizeof h->session_id, id);
     time_text(h->start_utc_ns, start);
@@ -222,6 +222,10 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
            adaptive_name(h->settings.adaptive), avatar_mode_name(h->settings.avatar));
     printf("optic       %g degrees, field %g degrees\n", h->optic.tilt_deg, h->optic.field_deg);
     printf("recorded by build %s, %s, %s\n", h->build, h->libc, h->cpu);
+}
+
+static void print_course(const struct trace_header *h, const struct survey *s) {
+    char id[33];
     printf("length      %.2f s, %" PRIu64 " steps, %" PRIu64 " of them frames, %" PRIu64
            " missing\n",
            survey_seconds(s), s->steps, s->frames, s->missing);
@@ -239,6 +243,24 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     for (int i = 0; i < EVENT_COUNT; i++)
         if (s->events[i])
             printf("event       %s in %" PRIu64 " steps\n", event_name(i), s->events[i]);
+}
+
+static void print_resection(int tissue, const struct tissue_figures *f) {
+    if (f->mesh_number || f->refused)
+        printf("resection   tissue %d: %u cuts took %.1f mm3, %u pieces %.1f mm3; over the plan "
+               "%.1f, short of it %.1f mm3; rim %.2f mm; %.1f mm3 not matched; %u refused\n",
+               tissue, f->cuts, f->quality.removed_mm3, f->pieces, f->pieces_mm3,
+               f->quality.over_mm3, f->quality.under_mm3, f->quality.rim_mm, f->left_mm3,
+               f->refused);
+    if (is_measured(f))
+        printf("touch       tissue %d: %.1f mm3 touched where nothing is seen, %.1f mm3 seen where "
+               "nothing is touched\n",
+               tissue, f->touched_unseen_mm3, f->seen_untouched_mm3);
+}
+
+static void print_text(const struct trace_header *h, const struct survey *s) {
+    print_origin(h);
+    print_course(h, s);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (s->present[i])
             print_instrument((enum channel)(CHANNEL_FIRST_INSTRUMENT + i), s->present[i],
@@ -246,20 +268,8 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     for (int i = 0; i < s->torn_count; i++)
         printf("ligament    torn one %d: up to %.0f %% of its extra motion\n", i + 1,
                100 * s->share[i]);
-    for (int i = 0; i < TISSUES_MAX; i++) {
-        const struct tissue_figures *f = &s->tissues[i];
-        if (f->mesh_number || f->refused)
-            printf(
-                "resection   tissue %d: %u cuts took %.1f mm3, %u pieces %.1f mm3; over the plan "
-                "%.1f, short of it %.1f mm3; rim %.2f mm; %.1f mm3 not matched; %u refused\n",
-                i, f->cuts, f->quality.removed_mm3, f->pieces, f->pieces_mm3, f->quality.over_mm3,
-                f->quality.under_mm3, f->quality.rim_mm, f->left_mm3, f->refused);
-        if (is_measured(f))
-            printf("touch       tissue %d: %.1f mm3 touched where nothing is seen, %.1f mm3 seen "
-                   "where "
-                   "nothing is touched\n",
-                   i, f->touched_unseen_mm3, f->seen_untouched_mm3);
-    }
+    for (int i = 0; i < TISSUES_MAX; i++)
+        print_resection(i, &s->tissues[i]);
     if (s->touches)
         printf("recorded    the touched surface after %" PRIu64 " changes, %" PRIu64 " bytes\n",
                s->touches, s->touch_bytes);

@@ -9,7 +9,7 @@
 // argon2 (3 x u32); salt (16 bytes); nonce (7 bytes) and a byte 0; the first 16 bytes of the
 // HMAC-SHA-256 of all that; then the pieces, each with its tag of 16 bytes. argon2 gives 32 bytes
 // for AES and 32 for the HMAC. A piece's nonce is the 7 bytes, its number (u32, big-endian), and 1
-// for the last one.
+// for the last one. The tags authenticate all that is before the pieces, too.
 #pragma once
 
 #include "base/result.h"

@@ -470,6 +470,24 @@ static void requests(void) {
         seed_text("api", rows[i].name, rows[i].text);
 }
 
+// A file without a right key, and what is done to good ones: size, then kind, where, how much.
+static void sealed_files(void) {
+    static const uint8_t changes[][14] = {{'c', 5},
+                                          {'c', 4, 0, 0, 60, 0, 1},
+                                          {'c', 5, 1, 1, 84},
+                                          {'c', 2, 2, 0, 0, 1, 16},
+                                          {'c', 3, 3, 0, 68, 0, 200},
+                                          {'c', 5, 5, 0, 0, 0, 0, 0, 4}};
+    uint8_t file[17 + 12 + 16 + 8 + 16 + 30 + 16] = "farthron sealed\0\1";
+    struct writer w = {file, sizeof file, 17, false};
+    write_u32(&w, 64 * 1024);
+    write_u32(&w, 3);
+    write_u32(&w, 1);
+    seed("sealed", "file", file, sizeof file);
+    for (size_t i = 0; i < sizeof changes / sizeof *changes; i++)
+        seed("sealed", (char[]){(char)('0' + i), 0}, changes[i], sizeof changes[i]);
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         fprintf(stderr, "usage: %s FOLDER\n", argv[0]);
@@ -489,5 +507,6 @@ int main(int argc, char **argv) {
     metafiles();
     handles();
     cuts();
+    sealed_files();
     return 0;
 }

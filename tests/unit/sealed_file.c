@@ -1,9 +1,13 @@
 // An encrypted file comes back as it was, by its passphrase alone, and whole or not at all.
 #include "commands/sealed_file.h"
 
+#include "cheap_keys.h"
 #include "test.h"
 #include "unit/store_files.h"
 
+#include <argon2.h>
+#include <openssl/evp.h>
+#include <openssl/hmac.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -68,6 +72,50 @@ static void files_of_every_size_come_back(void **state) {
     }
 }
 
+// As the header file tells the layout, without the code of the product: what is in the piece.
+static void open_piece(const uint8_t *file, const uint8_t keys[64], uint8_t number, bool last,
+                       size_t size, uint8_t *out) {
+    const uint8_t *piece = file + HEADER + (size_t)number * (PIECE + 16);
+    uint8_t nonce[12] = {[10] = number, [11] = last};
+    int used;
+    memcpy(nonce, file + 44, 7);
+    EVP_CIPHER_CTX *context = EVP_CIPHER_CTX_new();
+    assert_int_equal(EVP_DecryptInit_ex(context, EVP_aes_256_gcm(), NULL, keys, nonce), 1);
+    assert_int_equal(EVP_DecryptUpdate(context, NULL, &used, file, HEADER), 1);
+    assert_int_equal(EVP_DecryptUpdate(context, out, &used, piece, (int)size), 1);
+    assert_int_equal(EVP_CIPHER_CTX_ctrl(context, EVP_CTRL_GCM_SET_TAG, 16, (void *)(piece + size)),
+                     1);
+    assert_int_equal(EVP_DecryptFinal_ex(context, out + used, &used), 1);
+    EVP_CIPHER_CTX_free(context);
+}
+
+static void it_is_as_its_layout_says(void **state) {
+    (void)state;
+    static const uint8_t begin[] = "arthron sealed\0\1\0\0\1\0\3\0\0\0\1\0\0"; // and a 0
+    static uint8_t piece[PIECE];
+    uint8_t keys[64], mac[32];
+    size_t size;
+    keys_cost_all = true;
+    make(PIECE + 50);
+    uint8_t *file = get_file("sealed", &size);
+    char *bytes = make_bytes(PIECE + 50);
+    assert_int_equal(size, HEADER + PIECE + 16 + 50 + 16);
+    assert_memory_equal(file, begin, sizeof begin);
+    assert_int_equal(file[51], 0);
+    assert_int_equal(argon2id_hash_raw(3, 64 << 10, 1, PASSPHRASE, strlen(PASSPHRASE), file + 28,
+                                       16, keys, sizeof keys),
+                     ARGON2_OK);
+    keys_cost_all = false;
+    assert_non_null(HMAC(EVP_sha256(), keys + 32, 32, file, HEADER - 16, mac, NULL));
+    assert_memory_equal(file + HEADER - 16, mac, 16);
+    open_piece(file, keys, 0, false, PIECE, piece);
+    assert_memory_equal(piece, bytes, PIECE);
+    open_piece(file, keys, 1, true, 50, piece);
+    assert_memory_equal(piece, bytes + PIECE, 50);
+    free(bytes);
+    free(file);
+}
+
 static void nothing_of_it_can_be_read(void **state) {
     (void)state;
     static char text[5000], other[5000];
@@ -116,11 +164,26 @@ static void every_change_is_found(void **state) {
     make(2 * PIECE + 50);
     assert_int_equal(rename(in_folder("sealed"), in_folder("whole")), 0);
     const size_t end = HEADER + 2 * (PIECE + 16) + 50 + 16, all = end;
-    const size_t changed[] = {0, 15, 19, 30, 45, HEADER - 1, HEADER, HEADER + PIECE, end - 1};
-    for (size_t i = 0; i < sizeof changed / sizeof *changed; i++) {
-        change(all, changed[i]);
-        assert_int_not_equal(unseal(PASSPHRASE), RESULT_OK);
+    static const struct {
+        size_t at;
+        enum result result;
+    } rows[] = {
+        {0, RESULT_FORMAT},
+        {15, RESULT_FORMAT},
+        {19, RESULT_CORRUPT}, // it would take all memory
+        {30, RESULT_REFUSED},
+        {45, RESULT_REFUSED},
+        {HEADER - 16, RESULT_REFUSED},
+        {HEADER - 1, RESULT_REFUSED},
+        {HEADER, RESULT_CORRUPT},
+        {HEADER + PIECE, RESULT_CORRUPT},
+        {end - 1, RESULT_CORRUPT},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        change(all, rows[i].at);
+        assert_int_equal(unseal(PASSPHRASE), rows[i].result);
         assert_false(is_there("back"));
+        assert_false(is_there("back.part"));
     }
     const size_t cut[] = {0, HEADER - 1, HEADER, HEADER + PIECE + 16, end - 1};
     for (size_t i = 0; i < sizeof cut / sizeof *cut; i++) {
@@ -131,6 +194,22 @@ static void every_change_is_found(void **state) {
     }
     change(all, all);
     assert_int_equal(unseal(PASSPHRASE), RESULT_OK);
+}
+
+static void what_was_put_behind_is_found(void **state) {
+    (void)state;
+    static const size_t more[] = {1, 16, PIECE + 16};
+    size_t size;
+    make(2 * PIECE);
+    char *bytes = get_file("sealed", &size);
+    bytes = realloc(bytes, size + PIECE + 16);
+    memcpy(bytes + size, bytes + HEADER, PIECE + 16); // a piece of its own
+    for (size_t i = 0; i < sizeof more / sizeof *more; i++) {
+        put_file("sealed", bytes, size + more[i]);
+        assert_int_equal(unseal(PASSPHRASE), RESULT_CORRUPT);
+        assert_false(is_there("back"));
+    }
+    free(bytes);
 }
 
 static void pieces_cannot_change_places(void **state) {
@@ -180,6 +259,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, store_folder_begin, store_folder_end)
         TEST(files_of_every_size_come_back),   TEST(nothing_of_it_can_be_read),
+        TEST(it_is_as_its_layout_says),        TEST(what_was_put_behind_is_found),
         TEST(a_wrong_passphrase_is_called_so), TEST(every_change_is_found),
         TEST(pieces_cannot_change_places),     TEST(a_cost_without_bounds_is_refused),
         TEST(a_file_that_is_there_stays),

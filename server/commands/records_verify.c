@@ -1,32 +1,21 @@
 #include "commands/records_verify.h"
 
-#include "base/number.h"
+#include "records/audit_head.h"
 #include "records/audit_seal.h"
 
 #include <limits.h>
 #include <stdio.h>
-#include <string.h>
-
-static enum result read_entry(const char *text, struct store_audit_head *out, struct error *err) {
-    char number[24] = "";
-    const char *colon = strchr(text, ':');
-    size_t length = colon ? (size_t)(colon - text) : 0;
-    if (length > 0 && length < sizeof number)
-        memcpy(number, text, length);
-    *out = (struct store_audit_head){0};
-    if (!number_int(number, 1, INT64_MAX, &out->entry) || strlen(colon + 1) >= sizeof out->hash)
-        return fail(err, RESULT_INVALID, "--entry %.100s is not NUMBER:HASH", text);
-    snprintf(out->hash, sizeof out->hash, "%s", colon + 1);
-    return RESULT_OK;
-}
 
 static enum result check_signature(struct store *store, const char *keys, json_t *said,
                                    struct error *err) {
     char authority[PATH_MAX], signed_by[TRACE_SIGNED_BY_MAX];
+    struct store_audit_head kept;
     struct store_audit_seal seal;
     if (snprintf(authority, sizeof authority, "%s/authority.pem", keys) >= (int)sizeof authority)
         return fail(err, RESULT_LIMIT, "%s: the path is too long", keys);
-    enum result result = store_audit_seal(store, &seal, err);
+    enum result result = audit_head_check(store, authority, &kept, err);
+    if (result == RESULT_OK)
+        result = store_audit_seal(store, &seal, err);
     if (result == RESULT_OK)
         result = audit_seal_check(&seal, authority, signed_by, err);
     if (result == RESULT_OK)
@@ -43,9 +32,9 @@ enum result records_verify(struct store *store, const char *keys, const char *en
                            json_t **out_said, struct error *err) {
     struct store_audit_head head, wanted;
     *out_said = json_object();
-    enum result result = entry ? read_entry(entry, &wanted, err) : RESULT_OK;
-    if (result == RESULT_OK)
-        result = store_verify_audit(store, &head, err);
+    if (entry && !audit_head_parse(entry, &wanted))
+        return fail(err, RESULT_INVALID, "--entry %.100s is not NUMBER:HASH", entry);
+    enum result result = store_verify_audit(store, &head, err);
     if (result == RESULT_OK && entry)
         result = store_audit_has(store, &wanted, err);
     if (result != RESULT_OK)

@@ -3,6 +3,7 @@
 #include "base/bytes.h"
 #include "base/check.h"
 #include "base/clock.h"
+#include "records/audit_head.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -98,10 +99,15 @@ static enum result check_signed(struct store *store, const char *authority,
 enum result audit_seal_renew(struct store *store, const struct trace_signer *signer,
                              const char *authority, struct store_audit_head *out_head,
                              struct error *err) {
+    struct store_audit_head kept;
     struct store_audit_seal before, seal;
     enum result result = check_signed(store, authority, &before, err);
     if (result == RESULT_OK)
+        result = audit_head_check(store, authority, &kept, err);
+    if (result == RESULT_OK)
         result = store_audit_head(store, out_head, err);
+    if (result == RESULT_OK && out_head->entry != kept.entry)
+        result = audit_head_keep(authority, out_head, err);
     if (result != RESULT_OK || out_head->entry == before.head.entry)
         return result;
     result = audit_seal_make(signer, out_head, &seal, err);

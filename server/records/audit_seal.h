@@ -13,9 +13,10 @@ enum result audit_seal_make(const struct trace_signer *signer, const struct stor
 enum result audit_seal_check(const struct store_audit_seal *seal, const char *authority,
                              char out_signed_by[TRACE_SIGNED_BY_MAX], struct error *err);
 
-// Signs the log unless it ends as it did when it was last signed. *out_head: its last entry. Any
-// error but RESULT_TIMEOUT and RESULT_IO: the log no longer has what was signed, or the signature
-// is wrong. Then it stays as it is, because a new signature would hide that.
+// Signs the log unless it ends as it did when it was last signed, and keeps its last entry beside
+// the keys (audit_head.h). *out_head: its last entry. Any error but RESULT_TIMEOUT and RESULT_IO:
+// the log no longer has what was signed or kept, or the signature is wrong. Then it stays as it is,
+// because a new signature would hide that.
 enum result audit_seal_renew(struct store *store, const struct trace_signer *signer,
                              const char *authority, struct store_audit_head *out_head,
                              struct error *err);

@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import ssl
+import sqlite3
 import time
 import unittest
 
@@ -183,6 +184,14 @@ class Api(SystemTest):
         entries = re.search("the audit log is whole: ([0-9]+) entries", said)[1]
         self.assertIn(f"it is signed up to entry {entries} by ", said)
         self.assertIn(f"the audit log is signed up to entry {entries}, ", server.log())
+        with sqlite3.connect(self.path("records.db")) as db:  # by somebody who has no key
+            db.executescript("DROP TRIGGER audit_is_not_cut; DELETE FROM audit_seal; DELETE FROM audit WHERE id > 1;"
+                             "UPDATE sqlite_sequence SET seq = 1 WHERE name = 'audit'")
+        db.close()
+        missing = f"entry {entries} of the audit log, which the server signed, is missing or was changed"
+        self.assertIn(missing, call("arthron-server", "records", "--file", self.path("records.db"), "verify", "--keys",
+                                    self.keys, code=1).stderr)
+        self.serve().wait_for_log(missing)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-// The chain of the audit log, and the signature of its end: what somebody changes in the file,
-// without our program and without its triggers, is found.
+// The chain of the audit log, the signature of its end, and what is kept of it beside the keys:
+// what somebody changes in the file, without our program and without its triggers, is found.
 #include "folder.h"
 #include "net/authority.h"
 #include "net/signer.h"
+#include "records/audit_head.h"
 #include "records/audit_seal.h"
 #include "test.h"
 #include "unit/store_files.h"
@@ -10,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #define ENTRIES 40
 
@@ -224,6 +226,77 @@ static void what_was_signed_does_not_move_to_another_entry(void **state) {
     drop_keys();
 }
 
+// ---- kept beside the keys -----------------------------------------------------------------------
+
+static void what_is_cut_off_is_missed_with_or_without_its_signature(void **state) {
+    (void)state;
+    static const char cut[] =
+        NO_TRIGGERS "DELETE FROM audit WHERE id > 30;"
+                    "UPDATE sqlite_sequence SET seq = 30 WHERE name = 'audit'";
+    char path[FOLDER_MAX + 48];
+    int64_t entry;
+    struct store_audit_head head, kept;
+    make_keys("keys");
+    assert_int_equal(audit_head_read(authority, &kept, &err), RESULT_MISSING);
+    assert_int_equal(renew(&entry), RESULT_OK);
+    assert_int_equal(audit_head_read(authority, &kept, &err), RESULT_OK);
+    assert_int_equal(kept.entry, ENTRIES);
+    assert_true(sql_passes("records.db", cut));
+    assert_int_equal(verify(&head), RESULT_OK); // it looks whole
+    assert_int_equal(head.entry, 30);
+    assert_int_equal(renew(&entry), RESULT_MISSING);
+    assert_true(sql_passes("records.db", "DELETE FROM audit_seal"));
+    assert_int_equal(renew(&entry), RESULT_MISSING);
+    assert_non_null(strstr(err.text, "entry 40 of the audit log"));
+    assert_non_null(strstr(err.text, "keys/audit.head"));
+    assert_int_equal(check_seal(&entry), RESULT_MISSING); // it was not signed again
+    snprintf(path, sizeof path, "%s/audit.head", keys);
+    assert_int_equal(unlink(path), 0); // somebody decides so
+    assert_int_equal(renew(&entry), RESULT_OK);
+    assert_int_equal(entry, 30);
+    drop_keys();
+}
+
+static void put_back(const char *name) {
+    char aside[STORE_TEXT_MAX];
+    assert_int_equal(store_restore(in_folder(name), store_path, "eve", aside, &err), RESULT_OK);
+}
+
+static void a_backup_that_is_put_back_is_whole_and_an_older_one_is_noticed(void **state) {
+    (void)state;
+    int64_t entry;
+    struct store_audit_head head;
+    make_keys("keys");
+    assert_int_equal(renew(&entry), RESULT_OK);
+    struct store *store = open_records();
+    assert_int_equal(store_backup(store, in_folder("backup.db"), &err), RESULT_OK);
+    store_close(&store);
+    for (int i = 0; i < 2; i++) { // the second time the server has signed what the backup lacks
+        put_back("backup.db");
+        assert_int_equal(verify(&head), RESULT_OK);
+        assert_int_equal(head.entry, ENTRIES + 1); // "restore"
+        assert_int_equal(check_seal(&entry), RESULT_OK);
+        assert_int_equal(entry, ENTRIES);
+        assert_int_equal(renew(&entry), i ? RESULT_MISSING : RESULT_OK);
+    }
+    assert_non_null(strstr(err.text, "entry 41 of the audit log"));
+    drop_keys();
+}
+
+static void a_kept_entry_that_cannot_be_read_is_none(void **state) {
+    (void)state;
+    int64_t entry;
+    static const char *const lines[] = {
+        "", "x", ":", "40", "0:aa", "-1:aa", "99999999999999999999:aa"};
+    make_keys("keys");
+    for (size_t i = 0; i < sizeof lines / sizeof *lines; i++) {
+        put_file("keys/audit.head", lines[i], strlen(lines[i]));
+        assert_int_equal(renew(&entry), RESULT_FORMAT);
+        assert_non_null(strstr(err.text, "audit.head"));
+    }
+    drop_keys();
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, begin, store_folder_end)
@@ -234,6 +307,9 @@ int main(void) {
         TEST(a_log_that_was_written_again_does_not_fit_its_signature),
         TEST(a_signature_of_somebody_else_is_none),
         TEST(what_was_signed_does_not_move_to_another_entry),
+        TEST(what_is_cut_off_is_missed_with_or_without_its_signature),
+        TEST(a_backup_that_is_put_back_is_whole_and_an_older_one_is_noticed),
+        TEST(a_kept_entry_that_cannot_be_read_is_none),
     };
     return cmocka_run_group_tests_name("store_audit", tests, NULL, NULL);
 }

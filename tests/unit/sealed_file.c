@@ -6,6 +6,7 @@
 #include "unit/store_files.h"
 
 #include <argon2.h>
+#include <errno.h>
 #include <openssl/evp.h>
 #include <openssl/hmac.h>
 #include <stdio.h>
@@ -19,6 +20,18 @@
 #define HEADER (16 + 12 + 16 + 8 + 16)
 
 static struct error err;
+
+// The end of a piece is looked for with getc, which here fails when it is called so often.
+static int failing_getc;
+int __real_getc(FILE *file), __wrap_getc(FILE *file);
+
+int __wrap_getc(FILE *file) {
+    if (!failing_getc || --failing_getc)
+        return __real_getc(file);
+    file->_flags |= 0x20; // ferror
+    errno = EIO;
+    return EOF;
+}
 
 static char *make_bytes(size_t size) {
     char *bytes = malloc(size + 1);
@@ -243,6 +256,20 @@ static void a_cost_without_bounds_is_refused(void **state) {
     }
 }
 
+static void a_disk_that_fails_is_no_end(void **state) {
+    (void)state;
+    make(2 * PIECE);
+    for (int n = 1; n <= 2; n++) {
+        failing_getc = n;
+        assert_int_equal(unseal(PASSPHRASE), RESULT_IO);
+        assert_false(is_there("back"));
+        failing_getc = n;
+        assert_int_equal(
+            sealed_file_write(in_folder("plain"), PASSPHRASE, in_folder("other"), &err), RESULT_IO);
+        assert_false(is_there("other"));
+    }
+}
+
 static void a_file_that_is_there_stays(void **state) {
     (void)state;
     make(10);
@@ -262,7 +289,7 @@ int main(void) {
         TEST(it_is_as_its_layout_says),        TEST(what_was_put_behind_is_found),
         TEST(a_wrong_passphrase_is_called_so), TEST(every_change_is_found),
         TEST(pieces_cannot_change_places),     TEST(a_cost_without_bounds_is_refused),
-        TEST(a_file_that_is_there_stays),
+        TEST(a_file_that_is_there_stays),      TEST(a_disk_that_fails_is_no_end),
     };
     return cmocka_run_group_tests_name("sealed_file", tests, NULL, NULL);
 }

@@ -31,8 +31,27 @@ enum result store_check_password(const char *password, struct error *err) {
     return result;
 }
 
-static enum result check_account(const char *name, const char *password, struct error *err) {
+// In the audit log these words mean the server itself, and people without an account of their own.
+static bool is_reserved(const char *name) {
+    static const char *const words[] = {"trainee ", "account "};
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
+        size_t length = strlen(words[i]);
+        if (!strncmp(name, words[i], length) && strspn(name + length, "0123456789"))
+            return true;
+    }
+    return !strcmp(name, "server");
+}
+
+static enum result check_name(const char *name, struct error *err) {
     enum result result = text_check(name, "account's name", STORE_NAME_MAX, err);
+    return result == RESULT_OK && is_reserved(name)
+               ? fail(err, RESULT_INVALID,
+                      "an account cannot be called '%s': the audit log calls others so", name)
+               : result;
+}
+
+static enum result check_account(const char *name, const char *password, struct error *err) {
+    enum result result = check_name(name, err);
     return result == RESULT_OK && password ? store_check_password(password, err) : result;
 }
 
@@ -163,7 +182,7 @@ enum result store_change_password(struct store *store, const struct store_princi
 enum result store_rename_account(struct store *store, const char *name, const char *new_name,
                                  struct error *err) {
     int64_t id;
-    enum result result = text_check(new_name, "account's name", STORE_NAME_MAX, err);
+    enum result result = check_name(new_name, err);
     if (result == RESULT_OK)
         result = store_begin_named(store, &account_table, name, &id, err);
     if (result != RESULT_OK)

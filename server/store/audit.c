@@ -141,7 +141,7 @@ enum result store_verify_audit(struct store *store, struct store_audit_head *out
     sqlite3_stmt *statement;
     int code = SQLITE_DONE;
     *out_head = (struct store_audit_head){.hash = FIRST};
-    enum result result = store_begin(store, err);
+    enum result result = store_run(store, "BEGIN", err); // others go on writing
     if (result != RESULT_OK)
         return result;
     result = store_prepare(store,

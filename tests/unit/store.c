@@ -127,6 +127,12 @@ static void people_courses_and_accounts_are_kept(void **state) {
                      RESULT_MISSING);
     assert_int_equal(store_add_account(store, "x", ROLE_TRAINEE, "secret", NULL, &err),
                      RESULT_INVALID);
+    static const char *const of_others[] = {"server", "trainee 7", "account 12"};
+    for (size_t i = 0; i < sizeof of_others / sizeof *of_others; i++) {
+        assert_int_equal(store_add_account(store, of_others[i], ROLE_TECHNICIAN, NULL, NULL, &err),
+                         RESULT_INVALID);
+        assert_int_equal(store_rename_account(store, "eve", of_others[i], &err), RESULT_INVALID);
+    }
     store_close(&store);
 }
 

@@ -8,6 +8,7 @@
 #include "test.h"
 #include "unit/store_files.h"
 
+#include <sqlite3.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -52,6 +53,16 @@ static void what_was_written_is_whole(void **state) {
     head.hash[0] = head.hash[0] == '0' ? '1' : '0';
     assert_int_equal(store_audit_has(store, &head, &err), RESULT_MISSING);
     store_close(&store);
+}
+
+static void others_write_while_it_is_verified(void **state) {
+    (void)state;
+    sqlite3 *other;
+    struct store_audit_head head;
+    assert_int_equal(sqlite3_open(store_path, &other), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(other, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_OK);
+    assert_int_equal(verify(&head), RESULT_OK);
+    assert_int_equal(sqlite3_close(other), SQLITE_OK);
 }
 
 // By another implementation: sha256 of the fields, each with its length before it.
@@ -301,6 +312,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, begin, store_folder_end)
         TEST(what_was_written_is_whole),
+        TEST(others_write_while_it_is_verified),
         TEST(the_first_hash_is_that_of_its_fields),
         TEST(every_change_is_found_and_its_entry_named),
         TEST(the_end_is_signed_and_signed_again_when_there_is_more),

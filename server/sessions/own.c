@@ -143,8 +143,8 @@ void own_traces_read(struct sessions *s) {
     store_close(&store);
     if (result == RESULT_OK || result == RESULT_MISSING)
         return;
-    log_warning("sessions", "%s: so all open traces count as this server's", err.text);
-    own_traces_free(s);
+    log_warning("sessions", "%s: so only sessions that %s.begun names go on", err.text,
+                s->config.records);
 }
 
 void own_traces_free(struct sessions *s) {

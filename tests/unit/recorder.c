@@ -10,6 +10,7 @@
 #include "unit/store_files.h"
 #include "unit/trace_files.h"
 
+#include <errno.h>
 #include <libgen.h>
 #include <pthread.h>
 #include <sqlite3.h>
@@ -222,6 +223,39 @@ static int results_of_the_trace(void) {
     return count;
 }
 
+// So many calls later it fails; 0: never.
+static int failing_fread;
+size_t __real_fread(void *out, size_t size, size_t count, FILE *file);
+size_t __wrap_fread(void *out, size_t size, size_t count, FILE *file);
+
+size_t __wrap_fread(void *out, size_t size, size_t count, FILE *file) {
+    if (!failing_fread || --failing_fread)
+        return __real_fread(out, size, count, file);
+    file->_flags |= 0x20; // ferror
+    errno = EIO;
+    return 0;
+}
+
+// It is read again at the next start, so it must not count as one that is damaged.
+static void a_disk_that_fails_is_no_end_of_a_trace(void **state) {
+    (void)state;
+    struct session_score score;
+    struct error err;
+    int failed = 0, left;
+    write_signed(NULL);
+    do {
+        failing_fread = failed + 1;
+        enum result result =
+            session_score_trace(path, "/nowhere.pem", no_scene, NULL, &score, &err);
+        left = failing_fread;
+        failing_fread = 0;
+        assert_int_equal(result, left ? RESULT_OK : RESULT_IO);
+        session_score_fini(&score);
+        failed++;
+    } while (!left);
+    assert_true(failed > 10);
+}
+
 static void only_a_trace_that_this_server_signed_has_results(void **state) {
     (void)state;
     static const char *const hosts[] = {"localhost"};
@@ -346,6 +380,7 @@ int main(void) {
                                         begin, end),
         cmocka_unit_test_setup_teardown(actions_while_the_records_were_locked_are_recorded_later,
                                         begin, end),
+        cmocka_unit_test_setup_teardown(a_disk_that_fails_is_no_end_of_a_trace, begin, end),
         cmocka_unit_test_setup_teardown(only_a_trace_that_this_server_signed_has_results, begin,
                                         end),
         cmocka_unit_test_setup_teardown(records_that_are_replaced_under_the_same_number_are_noticed,

@@ -76,12 +76,54 @@ static void a_check_that_cannot_be_noted_is_there_and_does_not_count(void **stat
     expect_standing("not checked", STANDING_FOREIGN);
 }
 
+static void a_check_of_other_files_does_not_count(void **state) {
+    (void)state;
+    struct case_standing standing = {0};
+    assert_int_equal(verdict_save(check, 1, folder, &(struct error){""}), RESULT_OK);
+    assert_true(standing_refresh(&standing, folder, 8));
+    assert_int_equal(standing.kind, STANDING_OUTDATED);
+    assert_string_equal(standing_name(&standing), "not checked");
+}
+
+static void checks_made_here_are_listed_one_after_the_other(void **state) {
+    (void)state;
+    char path[FOLDER_MAX + 24], first[FOLDER_MAX + 24];
+    struct case_standing standing = {0};
+    snprintf(path, sizeof path, "%s/%s", folder, GRADE_FILE);
+    snprintf(first, sizeof first, "%s/first", around);
+    assert_true(standing_refresh(&standing, folder, 7));
+    assert_int_equal(standing.kind, STANDING_UNCHECKED);
+    assert_int_equal(verdict_save(check, 1, folder, &(struct error){""}), RESULT_OK);
+    assert_true(standing_refresh(&standing, folder, 7)); // it is there now
+    assert_int_equal(standing.kind, STANDING_GRADED);
+    assert_false(standing_refresh(&standing, folder, 7));
+    assert_int_equal(rename(path, first), 0);
+    assert_int_equal(verdict_save(check, 2, folder, &(struct error){""}), RESULT_OK);
+    expect_standing("fit", STANDING_GRADED);
+    assert_int_equal(rename(first, path), 0);
+    expect_standing("fit", STANDING_GRADED);
+}
+
+static void the_list_is_no_link_to_another_file(void **state) {
+    (void)state;
+    char list[FOLDER_MAX + 16], other[FOLDER_MAX + 16];
+    snprintf(list, sizeof list, "%s/%s", around, GRADE_MADE_HERE);
+    snprintf(other, sizeof other, "%s/other", around);
+    assert_int_equal(symlink(other, list), 0);
+    assert_int_equal(verdict_save(check, 1, folder, &(struct error){""}), RESULT_IO);
+    assert_int_equal(access(other, F_OK), -1);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_check_made_elsewhere_counts_only_where_it_says_unfit,
                                         setup, teardown),
         cmocka_unit_test_setup_teardown(a_check_that_was_changed_since_does_not_count, setup,
                                         teardown),
+        cmocka_unit_test_setup_teardown(a_check_of_other_files_does_not_count, setup, teardown),
+        cmocka_unit_test_setup_teardown(checks_made_here_are_listed_one_after_the_other, setup,
+                                        teardown),
+        cmocka_unit_test_setup_teardown(the_list_is_no_link_to_another_file, setup, teardown),
         cmocka_unit_test_setup_teardown(a_check_that_cannot_be_noted_is_there_and_does_not_count,
                                         setup, teardown),
     };

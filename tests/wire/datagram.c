@@ -451,6 +451,44 @@ static void a_challenge_goes_to_the_address_that_it_is_about(void **state) {
     datagram_destroy(&endpoint);
 }
 
+// What one frame from the station's present address is asked, in its reply or beside it.
+static uint64_t hear_challenge(struct datagram_endpoint *endpoint, struct station *s,
+                               uint64_t number) {
+    arthron_Reply reply = {.frame_number = number};
+    send_frame_of(s, number, 64);
+    assert_int_equal(receive(endpoint), 1);
+    assert_true(datagram_reply(endpoint, s->connection, &reply));
+    datagram_flush(endpoint);
+    return frames[0].path_challenge | hear_whole_reply(s).path_challenge;
+}
+
+// Challenges keep a distance: the third address gets none at once, nor that of the second.
+static void a_challenge_confirms_the_address_that_it_was_about(void **state) {
+    (void)state;
+    for (int in_replies = 0; in_replies < 2; in_replies++) {
+        struct datagram_endpoint *endpoint = open_endpoint();
+        struct station s = open_station(endpoint, 77);
+        int first = s.fd, second = open_socket(datagram_port(endpoint));
+        if (in_replies)
+            datagram_challenge_in_replies(endpoint, 77);
+        datagram_confirm(endpoint, 77, hear_challenge(endpoint, &s, 1));
+        wait_for_next_challenge();
+        s.fd = second;
+        uint64_t about_second = hear_challenge(endpoint, &s, 2);
+        assert_true(about_second != 0);
+        s.fd = open_socket(datagram_port(endpoint));
+        assert_true(hear_challenge(endpoint, &s, 3) == 0);
+        datagram_confirm(endpoint, 77, about_second);
+        wait_for_next_challenge();
+        uint64_t about_third = hear_challenge(endpoint, &s, 4);
+        assert_true(about_third != 0 && about_third != about_second);
+        close(first);
+        close(second);
+        close_station(&s);
+        datagram_destroy(&endpoint);
+    }
+}
+
 static void an_older_datagram_from_elsewhere_moves_nothing(void **state) {
     (void)state;
     struct datagram_endpoint *endpoint = open_endpoint();
@@ -505,6 +543,12 @@ static void an_address_never_confirmed_gets_a_limited_number_of_replies(void **s
         assert_int_equal(hear_reply(&s), number);
     }
     assert_false(passes(endpoint, &s, number++));
+    wait_for_next_challenge();
+    int home = s.fd;
+    s.fd = open_socket(datagram_port(endpoint)); // another one has no replies of its own
+    assert_false(passes(endpoint, &s, number++));
+    challenge = frames[0].path_challenge;
+    close(home);
     datagram_confirm(endpoint, 77, challenge ^ 1);
     datagram_confirm(endpoint, 77, 0);
     assert_false(passes(endpoint, &s, number++));
@@ -627,6 +671,7 @@ int main(void) {
         cmocka_unit_test(a_reply_gives_up_its_counts_before_it_is_too_long),
         cmocka_unit_test(replies_follow_the_station_to_a_new_address),
         cmocka_unit_test(a_challenge_goes_to_the_address_that_it_is_about),
+        cmocka_unit_test(a_challenge_confirms_the_address_that_it_was_about),
         cmocka_unit_test(an_older_datagram_from_elsewhere_moves_nothing),
         cmocka_unit_test(a_way_back_to_the_confirmed_address_needs_no_new_challenge),
         cmocka_unit_test(an_address_never_confirmed_gets_a_limited_number_of_replies),

@@ -312,6 +312,7 @@ struct responder {
     atomic_bool mute, stopping;
     atomic_int answered;
     atomic_uint_fast64_t newest; // number of the last frame that came
+    uint64_t challenge;          // in each reply
 };
 
 static void answer_batch(struct responder *r) {
@@ -322,7 +323,8 @@ static void answer_batch(struct responder *r) {
         atomic_store(&r->newest, batch[i].message.number);
     for (int i = 0; i < count && !atomic_load(&r->mute); i++) {
         arthron_Reply reply = {.frame_number = batch[i].message.number,
-                               .frame_time_ns = batch[i].message.time_ns};
+                               .frame_time_ns = batch[i].message.time_ns,
+                               .path_challenge = r->challenge};
         atomic_fetch_add(&r->answered, datagram_reply(r->endpoint, batch[i].connection, &reply));
     }
     datagram_flush(r->endpoint);
@@ -386,7 +388,7 @@ static void a_challenge_in_a_reply_is_sent_back_in_the_control_connection(void *
     static struct traffic traffic;
     traffic = (struct traffic){0};
     responder_open(&responder);
-    datagram_challenge_in_replies(responder.endpoint, 77);
+    responder.challenge = 0x123456789abcdef0;
     struct link *link = link_to("localhost", anna);
     wait_until_ready(link);
     exchange_until_path(link, &traffic, LINK_DATAGRAM);
@@ -396,7 +398,7 @@ static void a_challenge_in_a_reply_is_sent_back_in_the_control_connection(void *
     assert_int_equal(atomic_load(&test_server.messages), 1); // once
     link_destroy(&link);
     responder_stop(&responder);
-    assert_true(test_server.challenge != 0);
+    assert_int_equal(test_server.challenge, 0x123456789abcdef0);
     datagram_destroy(&responder.endpoint);
 }
 

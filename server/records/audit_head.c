@@ -68,7 +68,8 @@ enum result audit_head_check(struct store *store, const char *authority,
     if (result == RESULT_MISSING && name_file(authority, path, NULL) == RESULT_OK)
         fail(err, result,
              "entry %lld of the audit log, which the server signed, is missing or was changed: the "
-             "records are an older copy, or somebody wrote into them (%s tells what was signed)",
+             "records are an older copy, or somebody wrote into them; if you restored a backup, "
+             "remove %s",
              (long long)out->entry, path);
     return result;
 }

@@ -9,7 +9,7 @@
 void own_traces_note(const struct sessions *sessions, const char *trace);
 
 // Reads that list and the open sessions of the records as an earlier server left them: before the
-// recorder starts. If the records cannot be read, all traces count as own.
+// recorder starts. If the records cannot be read, that list alone counts.
 void own_traces_read(struct sessions *sessions);
 void own_traces_free(struct sessions *sessions);
 bool own_traces_have(const struct sessions *sessions, const char *path);

@@ -280,6 +280,10 @@ static void a_file_that_is_there_stays(void **state) {
     assert_int_equal(sealed_file_write(in_folder("none"), PASSPHRASE, in_folder("new"), &err),
                      RESULT_IO);
     assert_false(is_there("new"));
+    assert_int_equal(symlink(in_folder("elsewhere"), in_folder("new.part")), 0);
+    assert_int_equal(sealed_file_write(in_folder("plain"), PASSPHRASE, in_folder("new"), &err),
+                     RESULT_IO);
+    assert_false(is_there("elsewhere"));
 }
 
 int main(void) {

@@ -1,6 +1,7 @@
 #include "net/authority_revocations.h"
 
 #include "base/check.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "net/authority_files.h"
 
@@ -10,8 +11,11 @@
 #include <strings.h>
 #include <sys/stat.h>
 
+#define BRIDGED_NS (60 * NS_PER_S)
+
 struct revocations {
     bool readable;
+    int64_t failing_ns;     // since when a newer one could not be read; 0: it could
     struct stat file;       // before it was read; zero: not there
     struct records records; // sorted by key
 };
@@ -34,7 +38,22 @@ static int compare(const void *a, const void *b) {
     return strcasecmp(((const struct record *)a)->key, ((const struct record *)b)->key);
 }
 
-struct revocations *revocations_read(const char *dir, const struct revocations *before) {
+// The one before goes on for a while: what cannot be read just now ends no sessions.
+static bool is_bridged(struct revocations *before, const struct error *err) {
+    int64_t now_ns = clock_now_ns();
+    if (!before || !before->readable)
+        return false;
+    if (!before->failing_ns) {
+        before->failing_ns = now_ns;
+        log_error("control",
+                  "the list of revoked certificates cannot be read, the one before goes "
+                  "on for a minute: %s",
+                  err->text);
+    }
+    return now_ns - before->failing_ns < BRIDGED_NS;
+}
+
+struct revocations *revocations_read(const char *dir, struct revocations *before) {
     struct stat file;
     struct error err;
     bool found = find_file(dir, &file);
@@ -43,6 +62,10 @@ struct revocations *revocations_read(const char *dir, const struct revocations *
     struct revocations *now = alloc(1, sizeof *now);
     now->file = file;
     now->readable = records_read(dir, "revoked", &now->records, &err) == RESULT_OK;
+    if (!now->readable && is_bridged(before, &err)) {
+        revocations_release(&now);
+        return NULL;
+    }
     if (now->records.count)
         qsort(now->records.items, (size_t)now->records.count, sizeof *now->records.items, compare);
     if (!now->readable && (!before || before->readable))

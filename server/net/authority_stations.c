@@ -159,6 +159,10 @@ static enum result issue(struct station_enrolment *e, const char *station, struc
     return note(e->dir, "issued", e->certificate, station, false, err);
 }
 
+static enum result refuse_code(struct error *err) {
+    return fail(err, RESULT_REFUSED, "this code is unknown, used or expired");
+}
+
 // Under the lock. The certificate is on record before the code is used up, and the code is used up
 // before anyone sees the certificate.
 static enum result use_code(struct station_enrolment *e, const struct code *code,
@@ -168,8 +172,7 @@ static enum result use_code(struct station_enrolment *e, const struct code *code
     if (result == RESULT_OK) {
         remove_ended(&codes, now_s());
         int index = find_code(&codes, code);
-        result = index < 0 ? fail(err, RESULT_REFUSED, "this code is unknown, used or expired")
-                           : issue(e, codes.items[index].station, err);
+        result = index < 0 ? refuse_code(err) : issue(e, codes.items[index].station, err);
         if (result == RESULT_OK)
             result =
                 note(e->dir, "enrolled", e->certificate, codes.items[index].station, true, err);
@@ -178,6 +181,25 @@ static enum result use_code(struct station_enrolment *e, const struct code *code
             result = records_write(e->dir, "codes", &codes, err);
         }
     }
+    records_release(&codes);
+    return result;
+}
+
+// Whether it is worth the while to open the authority's key, which takes long where it is
+// encrypted.
+static enum result is_known(const char *dir, const struct code *code, struct error *err) {
+    struct records codes;
+    int lock;
+    enum result result = authority_lock(dir, false, &lock, err);
+    if (result != RESULT_OK)
+        return result;
+    result = records_read(dir, "codes", &codes, err);
+    if (result == RESULT_OK) {
+        remove_ended(&codes, now_s());
+        if (find_code(&codes, code) < 0)
+            result = refuse_code(err);
+    }
+    close(lock);
     records_release(&codes);
     return result;
 }
@@ -216,6 +238,8 @@ enum result authority_enrol(const char *dir, const char *code_text,
     struct code code;
     int lock;
     enum result result = code_read(code_text, &code, err);
+    if (result == RESULT_OK)
+        result = is_known(dir, &code, err);
     if (result != RESULT_OK)
         return result;
     result = begin(&e, request, &lock, err);
@@ -311,6 +335,12 @@ enum result authority_renew(const char *dir, const char *station, const char *se
     struct station_enrolment e = {.dir = dir};
     int lock;
     enum result result = check_name(station, err);
+    if (result == RESULT_OK)
+        result = authority_lock(dir, false, &lock, err);
+    if (result != RESULT_OK)
+        return result;
+    result = may_renew(dir, station, serial_hex, err); // before the key is opened, and again then
+    close(lock);
     if (result != RESULT_OK)
         return result;
     result = begin(&e, request, &lock, err);

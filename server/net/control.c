@@ -172,7 +172,7 @@ static void tell_of_shut(struct control *control, int64_t now_ns) {
     atomic_fetch_add(&control->shut, count);
     source_write(&source, text);
     log_warning("control",
-                "too many connections without a certificate: %" PRIu64
+                "too many connections, most of them without a certificate: %" PRIu64
                 " were closed, the last one from %s",
                 count, text);
 }

@@ -29,6 +29,7 @@ struct peer {
     bool enrols;  // speaks the subprotocol of enrolment
     bool applies; // and waits for the registrar's answer
     bool visit;   // its Hello only asks
+    bool proved;  // has shown a certificate that is good, and not too often
     bool agreed;  // Hello was good: it has a slot
     bool closing; // sends its last message, and receives nothing any more
     bool done;    // has sent it

@@ -78,9 +78,12 @@ void peer_opened(struct peer *peer) {
     struct control *control = peer->control;
     identity_of(lws_get_ssl(peer->wsi), &peer->identity);
     bool is_good = peer->identity.certified && !is_revoked(peer);
-    if (is_good && !door_prove(control->door, peer->wsi, peer->identity.serial, clock_now_ns()))
+    peer->proved =
+        is_good && door_prove(control->door, peer->wsi, peer->identity.serial, clock_now_ns());
+    if (is_good && !peer->proved)
         peer_refuse(peer, arthron_Refusal_Reason_BUSY,
-                    "this station connects too often; try again in a minute");
+                    "this station connects too often, or too many stations are connected; try "
+                    "again in a minute");
     if (is_good || peer->enrols)
         return;
     refuse_identity(peer, peer->identity.certified ? "this certificate is revoked"
@@ -182,6 +185,10 @@ static void handle_hello(struct peer *peer, const arthron_Hello *hello, int64_t 
 
 static void handle_enrol(struct peer *peer, const arthron_Enrol *enrol, int64_t now_ns) {
     bool renews = peer->identity.certified && !enrol->code[0];
+    if (renews && !peer->proved) {
+        refuse_identity(peer, "this certificate is revoked");
+        return;
+    }
     if (!renews && !door_may_enrol(peer->control->door, peer->wsi, now_ns)) {
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "too many attempts, try again in a minute");
         return;

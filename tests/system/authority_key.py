@@ -64,6 +64,13 @@ class AuthorityKey(SystemTest):
         server = self.start_server("", "authority = authority\nauthority_passphrase = right")
         self.assertNotIn("authority.key", server.log())
         self.enrol("room-1")
+        code = call("arthron-server", "keys", "enrol", self.keys, "room-2").stdout.strip()
+        place, keys = f"127.0.0.1:{self.port}", self.path("keys-room-2")
+        call("arthron-station", "enrol", place, code, "--name", "room-2", "--keys", keys)
+        os.rename(self.right, self.right + "-away")  # who has no good code does not get the key opened
+        said = call("arthron-station", "enrol", place, code, "--name", "room-2", "--keys", keys, code=3).stderr
+        self.assertIn("this code is unknown, used or expired", said)
+        os.rename(self.right + "-away", self.right)
         server.end()
         self.assertIn("none renews its certificate", self.start_server().log())
 

@@ -790,14 +790,20 @@ static void a_record_is_read_again_only_after_a_change(void **state) {
     assert_non_null(one);
     assert_null(revocations_read(dir, one));
     write_file("revoked", "A1\n");
-    struct revocations *all = revocations_read(dir, one);
-    assert_non_null(all);
+    assert_null(revocations_read(dir, one)); // what was known goes on
+    struct revocations *all = revocations_read(dir, NULL);
+    assert_true(revocations_contain(all, "B2"));
     struct revocations *again = revocations_read(dir, all); // it may be readable by now
     assert_non_null(again);
+    write_file("revoked", "");
+    struct revocations *mended = revocations_read(dir, one);
+    assert_non_null(mended);
+    assert_false(revocations_contain(mended, "B2"));
     revocations_release(&nobody);
     revocations_release(&one);
     revocations_release(&all);
     revocations_release(&again);
+    revocations_release(&mended);
 }
 
 static void of_a_thousand_revoked_each_is_found_and_no_other(void **state) {

@@ -105,7 +105,7 @@ void throttle_take_back(struct throttle *t, const char *who, int64_t now_ns) {
     pthread_mutex_unlock(&t->lock);
 }
 
-void throttle_address(const char *address, char out_who[64]) {
+void throttle_address(const char *address, bool is_near, char out_who[64]) {
     struct in6_addr six;
     char text[INET6_ADDRSTRLEN];
     if (inet_pton(AF_INET6, address, &six) != 1) {
@@ -115,7 +115,8 @@ void throttle_address(const char *address, char out_who[64]) {
     if (IN6_IS_ADDR_V4MAPPED(&six)) {
         inet_ntop(AF_INET, six.s6_addr + 12, text, sizeof text);
     } else {
-        memset(six.s6_addr + 8, 0, 8);
+        if (!is_near)
+            memset(six.s6_addr + 8, 0, 8);
         inet_ntop(AF_INET6, &six, text, sizeof text);
     }
     snprintf(out_who, 64, "address %s", text);

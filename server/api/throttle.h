@@ -35,5 +35,6 @@ void throttle_take_back(struct throttle *throttle, const char *who, int64_t now_
 bool throttle_may(struct throttle *throttle, const char *who, const struct throttle_rule *rule,
                   int64_t now_ns, int *out_wait_s);
 
-// The `who` of an address: the IPv4 address, or the IPv6 network of 64 bits.
-void throttle_address(const char *address, char out_who[64]);
+// The `who` of an address: the IPv4 address, or the IPv6 network of 64 bits. is_near: the address,
+// as in base/source.h.
+void throttle_address(const char *address, bool is_near, char out_who[64]);

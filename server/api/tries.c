@@ -48,7 +48,7 @@ static bool is_known(struct api_call *call, const char *name, char out_id[24]) {
 
 static void choose_keys(struct api_call *call, const char *name, struct tries *out) {
     char address[64], id[24];
-    throttle_address(call->request->address, address);
+    throttle_address(call->request->address, call->request->is_near, address);
     *out = (struct tries){0};
     if (is_known(call, name, id)) {
         add_key(out, &of_device, "device %s %s", id, name ? name : "");

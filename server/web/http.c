@@ -263,6 +263,7 @@ int http_begin(struct web_connection *c) {
     read_device(c->socket, task->device);
     read_options(c->socket, &task->options);
     memcpy(task->address, c->address, sizeof task->address);
+    task->is_near = c->limit->source.near;
     bool readable = read_path(task, uri, uri_length) && read_query(c->socket, task);
     int64_t length = read_length(c->socket);
     c->refusal = check(c, task, length, readable);

@@ -53,6 +53,7 @@ static void answer_request(struct request_pool *p, struct web_task *task) {
         .by_cookie = task->by_cookie,
         .device = task->device[0] ? task->device : NULL,
         .address = task->address,
+        .is_near = task->is_near,
     };
     p->handler.on_request(p->handler.user, &request, &response);
     memcpy(task->downloader, response.owner, sizeof task->downloader);

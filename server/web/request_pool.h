@@ -29,6 +29,7 @@ struct web_task {
     char path[512];
     char query[2048];
     char address[48];
+    bool is_near;
     bool by_cookie;
     char *body; // owned; NULL: none
     size_t size;

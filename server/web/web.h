@@ -38,6 +38,7 @@ struct web_request {
     bool by_cookie;      // the token is the cookie's
     const char *device;  // of the cookie `arthron-device`; NULL: none
     const char *address; // the browser's
+    bool is_near;        // an IPv6 address of the server's own network (base/source.h)
 };
 
 // All zero is a 204 without a body. This room adds the security headers, handles If-None-Match and

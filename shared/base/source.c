@@ -5,6 +5,15 @@
 #include <string.h>
 #include <sys/socket.h>
 
+static bool is_near(int fd, const struct in6_addr *address) {
+    struct sockaddr_in6 here = {0};
+    socklen_t size = sizeof here;
+    if (IN6_IS_ADDR_LINKLOCAL(address))
+        return true;
+    return !getsockname(fd, (struct sockaddr *)&here, &size) && here.sin6_family == AF_INET6 &&
+           !memcmp(&here.sin6_addr, address, 8);
+}
+
 bool source_of(int fd, struct source *out) {
     struct sockaddr_storage address = {0};
     socklen_t size = sizeof address;
@@ -17,7 +26,9 @@ bool source_of(int fd, struct source *out) {
         memcpy(bytes + 12, &((const struct sockaddr_in *)&address)->sin_addr, 4);
     } else if (address.ss_family == AF_INET6) {
         out->address = ((const struct sockaddr_in6 *)&address)->sin6_addr;
-        if (!IN6_IS_ADDR_V4MAPPED(&out->address))
+        bool is_ipv4 = IN6_IS_ADDR_V4MAPPED(&out->address);
+        out->near = !is_ipv4 && is_near(fd, &out->address);
+        if (!is_ipv4 && !out->near)
             memset(bytes + 8, 0, 8);
     }
     return true;
@@ -34,5 +45,6 @@ void source_write(const struct source *source, char out[SOURCE_TEXT_SIZE]) {
         return;
     }
     inet_ntop(AF_INET6, address, out, SOURCE_TEXT_SIZE);
-    snprintf(out + strlen(out), SOURCE_TEXT_SIZE - strlen(out), "/64");
+    if (!source->near)
+        snprintf(out + strlen(out), SOURCE_TEXT_SIZE - strlen(out), "/64");
 }

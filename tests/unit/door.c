@@ -7,6 +7,8 @@
 #include <arpa/inet.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #define CONNECTIONS_MAX 4096
 #define BEGIN_NS (1000 * NS_PER_S)
@@ -237,6 +239,28 @@ static void an_ipv6_source_is_a_network_of_64_bits(void **state) {
     assert_string_equal(text, "2001:db8:1:2::/64");
 }
 
+// The hall's own network: one address is one person, and no other pays for it.
+static void an_ipv6_source_of_the_same_network_is_an_address(void **state) {
+    (void)state;
+    struct sockaddr_in6 here = {.sin6_family = AF_INET6, .sin6_addr = IN6ADDR_LOOPBACK_INIT};
+    socklen_t size = sizeof here;
+    struct source source;
+    char text[SOURCE_TEXT_SIZE];
+    int listener = socket(AF_INET6, SOCK_STREAM, 0), caller = socket(AF_INET6, SOCK_STREAM, 0);
+    if (listener < 0 || bind(listener, (struct sockaddr *)&here, size) != 0)
+        skip(); // a machine without IPv6
+    assert_int_equal(listen(listener, 1), 0);
+    assert_int_equal(getsockname(listener, (struct sockaddr *)&here, &size), 0);
+    assert_int_equal(connect(caller, (struct sockaddr *)&here, size), 0);
+    int fd = accept(listener, NULL, NULL);
+    assert_true(source_of(fd, &source));
+    source_write(&source, text);
+    assert_string_equal(text, "::1");
+    close(fd);
+    close(caller);
+    close(listener);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(whoever_has_the_most_strangers_makes_room, set_up,
@@ -261,6 +285,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(what_was_turned_away_and_shut_is_told_with_a_source, set_up,
                                         tear_down),
         cmocka_unit_test(an_ipv6_source_is_a_network_of_64_bits),
+        cmocka_unit_test(an_ipv6_source_of_the_same_network_is_an_address),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

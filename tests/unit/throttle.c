@@ -123,18 +123,20 @@ static void an_address_of_ipv6_counts_with_its_network(void **state) {
     (void)state;
     static const struct {
         const char *a, *b;
-        bool same;
+        bool same, near;
     } rows[] = {{"10.0.0.5", "10.0.0.5", true},
                 {"10.0.0.5", "10.0.0.6", false},
                 {"10.0.0.5", "::ffff:10.0.0.5", true},
                 {"::ffff:10.0.0.5", "::ffff:10.0.0.6", false},
                 {"2001:db8::1", "2001:db8::ffff:1:2:3", true},
                 {"2001:db8::1", "2001:db8:0:1::1", false},
+                {"2001:db8::1", "2001:db8::2", false, true},
+                {"2001:db8::1", "2001:db8::1", true, true},
                 {"", "10.0.0.5", false}};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         char a[64], b[64];
-        throttle_address(rows[i].a, a);
-        throttle_address(rows[i].b, b);
+        throttle_address(rows[i].a, rows[i].near, a);
+        throttle_address(rows[i].b, rows[i].near, b);
         assert_int_equal(!strcmp(a, b), rows[i].same);
     }
 }

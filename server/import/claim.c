@@ -289,6 +289,8 @@ enum result import_claim_of(const char *path, uint32_t points_max, struct import
         if (reading.foul)
             result = fail(err, RESULT_FORMAT, "%s: line %u: not a line of text", path,
                           reading.number + 1);
+        if (ferror(reading.file))
+            result = fail(err, RESULT_IO, "%s: cannot be read", path);
         free(reading.buffer);
         fclose(reading.file);
         return result;

@@ -213,18 +213,22 @@ enum result hand_over(const char *path, const collector &from, import_arrays &ou
 }
 
 // 3D Slicer writes SPACE=LPS or SPACE=RAS into comments, titles and headers.
-void find_space(const char *path, char out_space[4]) {
+enum result find_space(const char *path, char out_space[4], struct error *err) {
     char head[1024] = "";
     FILE *file = fopen(path, "rb");
     size_t got = file ? fread(head, 1, sizeof head - 1, file) : 0;
+    bool readable = file && !ferror(file);
     if (file)
         fclose(file);
+    if (!readable)
+        return fail(err, RESULT_IO, "%s: cannot be read", path);
     for (size_t i = 0; i + 9 <= got; i++) {
         if (memcmp(head + i, "SPACE=", 6) == 0) {
             memcpy(out_space, head + i + 6, 3);
-            return;
+            break;
         }
     }
+    return RESULT_OK;
 }
 
 struct scene_holder {
@@ -307,8 +311,8 @@ enum result import_reader_read(const char *path, uint32_t triangles_max,
         result = fail(err, RESULT_FORMAT, "%s: not readable: %s", path, why.what());
     }
     if (result == RESULT_OK)
-        find_space(path, out_arrays->space);
-    else
+        result = find_space(path, out_arrays->space, err);
+    if (result != RESULT_OK)
         import_arrays_fini(out_arrays);
     return result;
 }

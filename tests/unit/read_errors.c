@@ -2,6 +2,8 @@
 // so.
 #undef _FORTIFY_SOURCE // whose inline functions stand where those of this file are
 
+#include "import/claim.h"
+#include "import/reader.h"
 #include "records/audit_spool.h"
 #include "records/session_row.h"
 #include "review/lines.h"
@@ -51,6 +53,15 @@ size_t __fread_chk(void *restrict data, size_t room, size_t size, size_t count,
 
 int fgetc(FILE *file) {
     return fails(file) ? EOF : REAL(fgetc)(file);
+}
+
+ssize_t getline(char **restrict text, size_t *restrict size, FILE *restrict file) {
+    return fails(file) ? -1 : REAL(getline)(text, size, file);
+}
+
+ssize_t __getdelim(char **restrict text, size_t *restrict size, int end, FILE *restrict file);
+ssize_t __getdelim(char **restrict text, size_t *restrict size, int end, FILE *restrict file) {
+    return fails(file) ? -1 : REAL(getdelim)(text, size, end, file);
 }
 
 char *fgets(char *restrict text, int size, FILE *restrict file) {
@@ -219,12 +230,50 @@ static int make_named_folder(void **state) {
     return made;
 }
 
+static char surface[FOLDER_MAX + 32];
+
+static void read_surface(void) {
+    struct import_arrays arrays;
+    enum result result = import_reader_read(surface, 10, &arrays, NULL);
+    assert_told(result, RESULT_OK);
+    if (result == RESULT_OK) {
+        assert_string_equal(arrays.space, "LPS");
+        import_arrays_fini(&arrays);
+    }
+}
+
+static void claim_surface(void) {
+    struct import_claim claim;
+    enum result result = import_claim_of(surface, 10, &claim, NULL);
+    assert_told(result, RESULT_OK);
+    import_claim_fini(&claim);
+}
+
+static void write_surface(const char *name, const char *text) {
+    snprintf(surface, sizeof surface, "%s/%s", folder, name);
+    FILE *file = fopen(surface, "we");
+    fputs(text, file);
+    fclose(file);
+}
+
+static void a_surface_that_cannot_be_read_has_no_space_and_no_size(void **state) {
+    (void)state;
+    write_surface("a.vtk", "# vtk DataFile Version 3.0\nSPACE=LPS\nASCII\nDATASET POLYDATA\n"
+                           "POINTS 3 float\n0 0 0 1 0 0 0 1 0\nPOLYGONS 1 4\n3 0 1 2\n");
+    assert_int_equal(with_each_failing(read_surface), 2);
+    unlink(surface);
+    write_surface("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+    assert_true(with_each_failing(claim_surface) > 5);
+    unlink(surface);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_read_error_is_no_end_of_a_trace),
         cmocka_unit_test(a_read_error_is_neither_damage_nor_its_end),
         cmocka_unit_test(a_folder_that_cannot_be_read_is_not_empty),
         cmocka_unit_test(entries_that_wait_are_read_to_their_end),
+        cmocka_unit_test(a_surface_that_cannot_be_read_has_no_space_and_no_size),
     };
     return cmocka_run_group_tests_name("read_errors", tests, make_named_folder, remove_folder);
 }

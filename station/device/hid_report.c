@@ -69,6 +69,15 @@ bool hid_field_parse(const char *text, struct hid_field *out_field) {
     return split(copy, words) == 2 && parse_place(words, out_field);
 }
 
+bool hid_counter_parse(const char *text, struct hid_field *out_field, double *out_count_ms) {
+    char copy[TEXT_MAX], *words[WORDS_MAX];
+    if (strlen(text) >= sizeof copy)
+        return false;
+    strcpy(copy, text);
+    return split(copy, words) == 3 && parse_place(words, out_field) &&
+           number_double(words[2], 0.01, 1000, out_count_ms);
+}
+
 // ---- reports ------------------------------------------------------------------------------------
 
 static bool is_numbered(const struct hid_field *field) {
@@ -80,7 +89,7 @@ bool hid_layout_is_numbered(const struct hid_layout *layout) {
         if (is_numbered(&layout->handles[i].opening.field) ||
             is_numbered(&layout->handles[i].buttons))
             return true;
-    return false;
+    return is_numbered(&layout->counter);
 }
 
 static uint32_t bits_of(const uint8_t *bytes, const struct hid_field *field) {
@@ -117,7 +126,7 @@ static enum result check_size(const struct hid_field *field, uint8_t report, siz
 
 static enum result check_sizes(const struct hid_layout *layout, uint8_t report, size_t size,
                                struct error *err) {
-    enum result result = RESULT_OK;
+    enum result result = check_size(&layout->counter, report, size, err);
     for (int i = 0; i < INSTRUMENT_COUNT && result == RESULT_OK; i++) {
         result = check_size(&layout->handles[i].opening.field, report, size, err);
         if (result == RESULT_OK)
@@ -135,6 +144,9 @@ enum result hid_report_read(const struct hid_layout *layout, const uint8_t *byte
     uint8_t report = numbered ? bytes[0] : 0;
     bytes += numbered;
     enum result result = check_sizes(layout, report, size - numbered, err);
+    state->has_count = result == RESULT_OK && is_in(&layout->counter, report);
+    if (state->has_count)
+        state->count = bits_of(bytes, &layout->counter);
     for (int i = 0; i < INSTRUMENT_COUNT && result == RESULT_OK; i++) {
         const struct hid_handle *handle = &layout->handles[i];
         bool opening = is_in(&handle->opening.field, report),

@@ -32,12 +32,16 @@ struct hid_layout {
         struct hid_axis opening;
         struct hid_field buttons; // bit i of the field: button i is down
     } handles[INSTRUMENT_COUNT];
+    struct hid_field counter; // of reports, or of the device's time; count 0: none
+    double count_ms;          // the time of one count
 };
 
 // What a device has said since it was opened.
 struct hid_state {
     struct handle handles[INSTRUMENT_COUNT];
     bool has_opening[INSTRUMENT_COUNT], has_buttons[INSTRUMENT_COUNT];
+    bool has_count; // the newest report
+    uint32_t count;
 };
 
 // "[REPORT:]BIT COUNT CLOSED OPEN [DEAD]" and "[REPORT:]BIT COUNT", whole numbers but DEAD. False:
@@ -45,6 +49,9 @@ struct hid_state {
 // such a field.
 bool hid_axis_parse(const char *text, struct hid_axis *out_axis);
 bool hid_field_parse(const char *text, struct hid_field *out_field);
+
+// "[REPORT:]BIT COUNT MS": a field that counts, each count MS milliseconds (0.01 to 1000).
+bool hid_counter_parse(const char *text, struct hid_field *out_field, double *out_count_ms);
 
 bool hid_layout_is_numbered(const struct hid_layout *layout);
 

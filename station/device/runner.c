@@ -123,14 +123,26 @@ static void count_rate(struct device *d, bool reading, int64_t now_ns) {
     d->second_ns = now_ns;
 }
 
+// True: all were used.
+static bool take_samples(struct device *d, const struct device_reading *reading, int64_t now_ns) {
+    int used[DEVICE_SAMPLES_MAX] = {0}, all = 0;
+    for (int i = 0; i < reading->count; i++)
+        if (take_sample(d, &reading->samples[i], now_ns)) {
+            used[runner_slot(d, &reading->samples[i]) - d->slots]++;
+            all++;
+        }
+    for (int i = 0; i < d->slot_count; i++)
+        if (used[i])
+            slot_arrived(&d->slots[i], used[i], now_ns);
+    return all == reading->count;
+}
+
 static void take_reading(struct device *d, enum result result, const struct device_reading *reading,
                          const struct error *err) {
     int64_t now_ns = clock_now_ns();
     pthread_mutex_lock(&d->lock);
     runner_age_slots(d, now_ns);
-    bool all_used = true;
-    for (int i = 0; i < reading->count; i++)
-        all_used &= take_sample(d, &reading->samples[i], now_ns);
+    bool all_used = take_samples(d, reading, now_ns);
     d->status.readings += reading->count > 0;
     d->status.timeouts += result == RESULT_TIMEOUT;
     d->status.malformed += (uint64_t)reading->malformed;

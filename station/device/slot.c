@@ -8,6 +8,7 @@
 
 // A source's pauses beyond this are pauses, not its rate.
 static const double longest_interval_ns = 250e6;
+static const double longest_pack_ns = 100e6; // what is longer was a stall
 
 void slot_init(struct slot *slot, enum channel channel, enum sample_kind kind, uint8_t device,
                double hold_ms, double jump_mm) {
@@ -83,6 +84,20 @@ enum slot_verdict slot_take(struct slot *slot, const struct sample *sample, int6
     else
         fall_silent(slot, arrival_ns);
     return verdict;
+}
+
+// A pack may come in two pieces: the gap before the first one counts, too.
+void slot_arrived(struct slot *slot, int count, int64_t now_ns) {
+    double gap_ns = slot->arrived_ns ? (double)(now_ns - slot->arrived_ns) : 0;
+    double longer_ns = fmin(fmax(gap_ns, slot->gap_ns), longest_pack_ns);
+    slot->pack_ns *= 0.9;
+    if (count > 1 && longer_ns > slot->pack_ns)
+        slot->pack_ns = longer_ns;
+    slot->gap_ns = gap_ns;
+    slot->arrived_ns = now_ns;
+    int64_t patient_ns = now_ns + (int64_t)(2 * slot->pack_ns);
+    if (slot->validity == VALIDITY_OK && patient_ns > slot->silent_ns)
+        slot->silent_ns = patient_ns;
 }
 
 // What comes now is measured before what came: the clock went back.

@@ -19,6 +19,9 @@ struct slot {
     struct past past;     // of what was used, filtered
     int64_t hold_ns;      // from silent to lost
     double interval_ns;   // usual time between two samples that were used; 0: not known yet
+    int64_t arrived_ns;   // when samples last came
+    double gap_ns;        // between the last two arrivals
+    double pack_ns;       // usual time between two arrivals of several samples; 0: they come singly
     int64_t silent_ns;    // from when on the channel is silent, if nothing comes before
     enum validity validity;
 };
@@ -38,6 +41,10 @@ void slot_init(struct slot *slot, enum channel channel, enum sample_kind kind, u
 // the last (SLOT_MALFORMED), a jump (SLOT_JUMP), one of a source that shakes (SLOT_NOISY). Any of
 // them makes the channel silent from then on.
 enum slot_verdict slot_take(struct slot *slot, const struct sample *sample, int64_t arrival_ns);
+
+// What came together was taken: `count` samples that were used, at now_ns. A source that sends
+// several at a time is not silent between.
+void slot_arrived(struct slot *slot, int count, int64_t now_ns);
 
 // Brings slot->validity to what it is at now_ns. True: it was lost just now.
 bool slot_age(struct slot *slot, int64_t now_ns);

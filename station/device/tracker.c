@@ -9,8 +9,7 @@
 //                     TRANSFORM, POSITION or none; auto
 //   request_ms        the shortest time between two messages that are asked for, 1 to 1000; 5
 //   coordinates       name of the coordinate system that is asked for; empty
-//   device            name of the device whose TDATA or QTDATA is meant, where there are several;
-//   any
+//   device            name of the device whose TDATA or QTDATA is meant; any
 //
 // A sample is T_mockup_tracker · T_tracker_tool · T_tool_tip, at the time that its message's stamp
 // tells (device/stamp.h), or, without stamps, when its bytes came. The stamps tell too which

@@ -81,6 +81,12 @@ class Thief:
         except (OSError, ConnectionError):
             return False
 
+    def renew(self):
+        """What the server says to a wish for a new certificate, for which there is no code."""
+        socket_ = self.example.WebSocket("127.0.0.1", self.port, self.context, "arthron-enrol.1")
+        socket_.send(self.pb.Control(enrol=self.pb.Enrol(request_der=b"no request")).SerializeToString())
+        return self.pb.Control.FromString(socket_.receive(15)).refusal.text
+
     def hear(self, seconds):
         if not self.socket.poll([], seconds):
             while (data := self.socket.message()) is not None:
@@ -173,7 +179,8 @@ def attack(port, keys, seconds):
         thread.start()
     for thread in threads:
         thread.join()
-    print(json.dumps({**thief.sent, "last_reply_s": thief.last_reply_s, "closed_s": thief.closed_s}), flush=True)
+    print(json.dumps({**thief.sent, "last_reply_s": thief.last_reply_s, "closed_s": thief.closed_s,
+                      "renewed": thief.renew()}), flush=True)
 
 
 # ---- the siege -------------------------------------------------------------------------------------
@@ -228,6 +235,7 @@ class StolenCertificate(Siege):
         self.assertLess(said["last_reply_s"], revoked_s + END_OF_STEPS_S)
         self.assertGreater(said["closed_s"], 0)
         self.assertLess(log_bytes, LOG_BYTES_MAX)
+        self.assertEqual(said["renewed"], "this certificate is revoked")
         self.assertGreater(during["poses_warped"], 0)
         if FULL:  # the others keep their rate
             self.assertGreater(during["poses_sent"], 0.9 * at_rest["poses_sent"])

@@ -228,6 +228,10 @@ void registrar_used(struct registrar *r, const struct identity *identity) {
     if (used)
         CHECK(task_pool_add(
             r->tasks, &(struct task){.run = revoke_older, .finish = forget_used, .data = used}));
+    else
+        log_warning("control",
+                    "station %s: older certificates of it stay good until it connects again",
+                    identity->name);
 }
 
 // ---- the authority's files ----------------------------------------------------------------------

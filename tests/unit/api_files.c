@@ -259,6 +259,22 @@ void api_wait_for_cases(const char *token) {
     fail_msg("the cases are still being read");
 }
 
+size_t count_at(const char *key) {
+    return json_array_size(json_object_get(said, key));
+}
+
+void give_password(const char *account) {
+    struct store *store = api_store();
+    assert_int_equal(store_set_password(store, account, ENCODED, &err), RESULT_OK);
+    store_close(&store);
+}
+
+int sign_in(const char *name, const char *password) {
+    char body[2048];
+    snprintf(body, sizeof body, "{\"name\":\"%s\",\"password\":\"%s\"}", name, password);
+    return ask("POST", "/sign-in", NULL, body);
+}
+
 const char *error_code(void) {
     const char *code = json_string_value(value_at("error.code"));
     return code ? code : "";

@@ -14,6 +14,13 @@
 // Encoded at no cost; it fits no password.
 #define NO_PASSWORD "$argon2id$v=19$m=8,t=1,p=1$c29tZXNhbHQ$aGFzaA"
 
+#define PASSWORD "correct horse battery"
+
+// What argon2 makes of PASSWORD at next to no cost.
+#define ENCODED                                                                                    \
+    "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$gLHIkr1qgP"                                 \
+    "4r3sH1P/NIg3+PMckaLQ3RkuIiytJhVlY"
+
 extern struct api *the_api;
 extern char api_dir[];
 
@@ -48,7 +55,11 @@ int ask(const char *method, const char *path, const char *token, const char *bod
 int ask_from(const char *address, const char *method, const char *path, const char *token,
              const char *body);
 
+void give_password(const char *account); // PASSWORD
+int sign_in(const char *name, const char *password);
+
 const char *error_code(void); // of `said`, empty: there is none
 const char *error_field(void);
 const char *text_at(const char *path); // "account.name", "sessions.0.id": a text, or "(none)"
+size_t count_at(const char *key);      // of an array of `said`
 double number_at(const char *path);    // NaN: none

@@ -16,10 +16,6 @@ static int begin(void **state) {
     return 0;
 }
 
-static size_t count_at(const char *key) {
-    return json_array_size(json_object_get(said, key));
-}
-
 static bool is_in(const char *token) {
     int status = ask("GET", "/me", token, NULL);
     assert_true(status == 200 || status == 401);

@@ -238,7 +238,7 @@ class StolenCertificate(Siege):
         self.assertEqual(said["renewed"], "this certificate is revoked")
         self.assertGreater(during["poses_warped"], 0)
         if FULL:  # the others keep their rate
-            self.assertGreater(during["poses_sent"], 0.9 * at_rest["poses_sent"])
+            self.assertGreater(during["poses_sent"], 0.8 * at_rest["poses_sent"])
             self.assertLess(during["unanswered"], at_rest["unanswered"] + 0.01 * during["poses_sent"])
         else:     # on a busy machine
             self.assertGreater(during["poses_sent"], 0.5 * at_rest["poses_sent"])

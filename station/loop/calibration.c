@@ -12,12 +12,14 @@
 
 #define DATE_FORMAT "%Y-%m-%dT%H:%M:%SZ"
 
-static const char *const kind_names[CALIBRATION_KIND_COUNT] = {"tip", "registration", "encoder"};
+static const char *const kind_names[CALIBRATION_KIND_COUNT] = {"tip", "registration", "encoder",
+                                                               "delay"};
 
 bool calibration_is_angle(const struct calibration_entry *entry) {
-    return entry->kind == CALIBRATION_ENCODER &&
-           (!strcmp(entry->of, "flexion") || !strcmp(entry->of, "varus") ||
-            !strcmp(entry->of, "internal"));
+    return entry->kind == CALIBRATION_DELAY ||
+           (entry->kind == CALIBRATION_ENCODER &&
+            (!strcmp(entry->of, "flexion") || !strcmp(entry->of, "varus") ||
+             !strcmp(entry->of, "internal")));
 }
 
 static struct calibration_entry *find(struct calibration *c, enum calibration_kind kind,
@@ -59,7 +61,7 @@ static bool split_name(const char *name, struct calibration_entry *out) {
     if (!setting_text(name, copy, sizeof copy))
         return false;
     char *blank = strrchr(copy, ' ');
-    if (out->kind != CALIBRATION_REGISTRATION) {
+    if (out->kind == CALIBRATION_TIP || out->kind == CALIBRATION_ENCODER) {
         if (!blank || !setting_text(blank + 1, out->of, sizeof out->of))
             return false;
         *blank = '\0';
@@ -91,6 +93,10 @@ static void *find_registration(void *user, const char *name, struct error *err) 
 
 static void *find_encoder(void *user, const char *name, struct error *err) {
     return entry_of(user, CALIBRATION_ENCODER, name, err);
+}
+
+static void *find_delay(void *user, const char *name, struct error *err) {
+    return entry_of(user, CALIBRATION_DELAY, name, err);
 }
 
 static bool take_date(void *target, const char *rest, const char *value) {
@@ -134,10 +140,14 @@ static const struct setting_key encoder_keys[] = {
     {"offset", SETTING_NUMBER, IN_ENTRY(offset), -1e9, 1e9},
     {0}};
 
+static const struct setting_key delay_keys[] = {
+    KEYS_OF_ALL, {"delay_ms", SETTING_NUMBER, IN_ENTRY(delay_ms), 0, 1000}, {0}};
+
 static const struct setting_section sections[] = {
     {"tip DEVICE CHANNEL", tip_keys, find_tip},
     {"registration DEVICE", registration_keys, find_registration},
     {"encoder DEVICE KEY", encoder_keys, find_encoder},
+    {"delay DEVICE", delay_keys, find_delay},
     {0}};
 
 static bool is_complete(const struct calibration_entry *entry) {
@@ -176,6 +186,8 @@ static void write_entry(FILE *file, const struct calibration_entry *e) {
         fprintf(file, "T_mockup_tracker = %.4f %.4f %.4f %.9f %.9f %.9f %.9f\n", p->translation.x,
                 p->translation.y, p->translation.z, p->rotation.w, p->rotation.x, p->rotation.y,
                 p->rotation.z);
+    else if (e->kind == CALIBRATION_DELAY)
+        fprintf(file, "delay_ms = %.2f\n", e->delay_ms);
     else
         fprintf(file, "scale = %.9g\noffset = %.9g\n", e->scale, e->offset);
 }

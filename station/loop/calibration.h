@@ -4,9 +4,10 @@
 //   [tip DEVICE CHANNEL]     tip_mm = x y z               in the tool's frame
 //   [registration DEVICE]    T_mockup_tracker = x y z qw qx qy qz
 //   [encoder DEVICE KEY]     scale, offset                as in the device's `KEY = REGISTER ...`
+//   [delay DEVICE]           delay_ms
 //
 // Each with date (UTC, as 2026-11-21T08:30:00Z), residual (root mean square; mm, degrees for the
-// encoders of angles) and details (a sentence for people).
+// encoders of angles and delays) and details (a sentence for people).
 #pragma once
 
 #include "base/pose.h"
@@ -23,6 +24,7 @@ enum calibration_kind {
     CALIBRATION_TIP,
     CALIBRATION_REGISTRATION,
     CALIBRATION_ENCODER,
+    CALIBRATION_DELAY,
     CALIBRATION_KIND_COUNT
 };
 
@@ -36,6 +38,7 @@ struct calibration_entry {
     union {
         vec3 tip_mm;
         pose T_mockup_tracker;
+        double delay_ms;
         struct {
             double scale, offset;
         };

@@ -73,6 +73,11 @@ static enum result set_entry(struct station_config *config, const struct calibra
         return set_tip(config, device, entry, err);
     case CALIBRATION_REGISTRATION:
         return set_registration(config, entry, err);
+    case CALIBRATION_DELAY: {
+        char value[32];
+        snprintf(value, sizeof value, "%.2f", entry->delay_ms);
+        return set_key(config, entry, "delay_ms", value, err);
+    }
     default:
         return station_config_scale(config, entry->device, entry->of, entry->scale, entry->offset,
                                     err);

@@ -20,6 +20,7 @@ static const char *const what_names[FAULT_WHAT_COUNT + 1] = {
     [FAULT_NOISE] = "noise",
     [FAULT_NAN] = "nan",
     [FAULT_LATE] = "late",
+    [FAULT_JITTER] = "jitter",
     [FAULT_STALE] = "stale",
     [FAULT_JUNK] = "junk",
     [FAULT_WRONG_SLAVE] = "wrong-slave",
@@ -40,6 +41,7 @@ static const struct fault_kind {
     [FAULT_NOISE] = {EVERYONE, true},
     [FAULT_NAN] = {OF(FAULT_MODBUS) | OF(FAULT_TRACKER), false},
     [FAULT_LATE] = {EVERYONE, true},
+    [FAULT_JITTER] = {OF(FAULT_TRACKER), true},
     [FAULT_STALE] = {EVERYONE, true},
     [FAULT_JUNK] = {EVERYONE, false},
     [FAULT_WRONG_SLAVE] = {OF(FAULT_MODBUS), false},
@@ -95,7 +97,7 @@ static enum result check(const struct fault *f, struct error *err) {
         return fail(err, kind->has_value ? RESULT_MISSING : RESULT_INVALID,
                     "[fault %s] value: %s %s value", f->name, what_names[f->what],
                     kind->has_value ? "needs a" : "takes no");
-    bool is_time = f->what == FAULT_LATE || f->what == FAULT_STALE;
+    bool is_time = f->what == FAULT_LATE || f->what == FAULT_JITTER || f->what == FAULT_STALE;
     if (is_time && (f->value < 0 || f->value > 10000))
         return fail(err, RESULT_INVALID, "[fault %s] value: 0 to 10000 ms", f->name);
     return RESULT_OK;
@@ -144,6 +146,10 @@ double faults_time(struct faults *f, enum fault_who who, double seconds) {
 static _Thread_local unsigned short random_state[3] = {1, 2, 3};
 
 // Box and Muller
+double faults_share(void) {
+    return erand48(random_state);
+}
+
 double faults_noise(void) {
     double u = 1 - erand48(random_state);
     return sqrt(-2 * log(u)) * cos(2 * M_PI * erand48(random_state));

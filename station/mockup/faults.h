@@ -19,6 +19,7 @@ enum fault_what {
     FAULT_NOISE,         // value: standard deviation, mm, degrees
     FAULT_NAN,           // what the protocol has for "no number"
     FAULT_LATE,          // value: ms
+    FAULT_JITTER,        // value: ms; late by anything up to so much
     FAULT_STALE,         // value: ms; it says what was true so long ago
     FAULT_JUNK,          // random bytes in place of a message
     FAULT_WRONG_SLAVE,   // another slave answers
@@ -64,6 +65,7 @@ size_t faults_spoil(struct faults *faults, enum fault_who who, double seconds, u
                     size_t size);
 
 double faults_noise(void); // standard normal
+double faults_share(void); // uniform in [0, 1)
 
 // Logs what begins and ends between two times, and returns when the next does so (seconds since
 // the start; infinity: never).

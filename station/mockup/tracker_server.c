@@ -25,6 +25,7 @@ struct clients {
 struct cursor {
     int64_t round, tick;
     int row;
+    double jitter; // of its message, 0 to 1
 };
 
 static int64_t due_ns(const struct tracker_server *s, const struct cursor *c) {
@@ -35,6 +36,7 @@ static int64_t due_ns(const struct tracker_server *s, const struct cursor *c) {
 
 static void advance(const struct tracker_server *s, struct cursor *c) {
     c->tick++;
+    c->jitter = faults_share();
     if (++c->row < s->player->recording.row_count)
         return;
     c->row = 0;
@@ -212,10 +214,12 @@ static void plug(struct tracker_server *s, struct clients *clients) {
     s->listener = -1;
 }
 
-static int64_t late_ns(const struct tracker_server *s) {
+static int64_t sent_ns(const struct tracker_server *s, const struct cursor *c) {
     double seconds = player_seconds(s->player, clock_now_ns());
     const struct fault *late = faults_on(s->faults, FAULT_TRACKER, FAULT_LATE, seconds);
-    return late ? (int64_t)(late->value * NS_PER_MS) : 0;
+    const struct fault *jitter = faults_on(s->faults, FAULT_TRACKER, FAULT_JITTER, seconds);
+    double ms = (late ? late->value : 0) + (jitter ? jitter->value * c->jitter : 0);
+    return due_ns(s, c) + (int64_t)(ms * NS_PER_MS);
 }
 
 void *tracker_server_run(void *tracker_server) {
@@ -224,8 +228,8 @@ void *tracker_server_run(void *tracker_server) {
     struct cursor cursor = {0};
     while (!atomic_load(s->stop)) {
         plug(s, &clients);
-        wait_for_clients(s, &clients, due_ns(s, &cursor) + late_ns(s));
-        for (; due_ns(s, &cursor) + late_ns(s) <= clock_now_ns(); advance(s, &cursor))
+        wait_for_clients(s, &clients, sent_ns(s, &cursor));
+        for (; sent_ns(s, &cursor) <= clock_now_ns(); advance(s, &cursor))
             play(s, &cursor, &clients);
     }
     while (clients.count)

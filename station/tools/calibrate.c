@@ -17,6 +17,8 @@ static const char help[] =
     "                                 --points FILE [--json]\n"
     "       arthron-station calibrate encoder --config FILE --device NAME --key KEY\n"
     "                                 --at VALUE,VALUE,... [--json]\n"
+    "       arthron-station calibrate delay --config FILE --channel CHANNEL [--seconds N] "
+    "[--json]\n"
     "\n"
     "Writes the result, with date and residual, into the file that the config names\n"
     "(calibration = FILE in [station]). It refuses a poor result, and then writes nothing.\n"
@@ -24,11 +26,12 @@ static const char help[] =
     "tip        where a tool's tip is: turn the tool about its tip\n"
     "landmarks  where the tracker stands: touch known points of the mock-up, one after the other\n"
     "encoder    zero and scale of a register: bring the joint to known values\n"
+    "delay      how late a tracker is: fix the tool to the bone that moves, and move the joint\n"
     "\n"
     "  -c, --config FILE      the station's config\n"
     "  -d, --device NAME      [device NAME] of the config\n"
     "  -C, --channel CHANNEL  the tool\n"
-    "  -t, --seconds N        how long to turn it; 20\n"
+    "  -t, --seconds N        how long to turn or move it; 20\n"
     "  -p, --points FILE      [landmarks] NAME = x y z: mm, in the mock-up's frame\n"
     "  -k, --key KEY          flexion, varus, internal, shift, drawer, distraction\n"
     "  -a, --at VALUES        at which values it is read: degrees, or mm\n"
@@ -50,6 +53,7 @@ static const struct {
      CALIBRATION_REGISTRATION, calibrate_landmarks},
     {"encoder", "encoder --config FILE --device NAME --key KEY --at VALUE,VALUE,...",
      CALIBRATION_ENCODER, calibrate_encoder},
+    {"delay", "delay --config FILE --channel CHANNEL", CALIBRATION_DELAY, calibrate_delay},
 };
 
 enum { PART_COUNT = sizeof parts / sizeof *parts };
@@ -112,8 +116,9 @@ static bool is_complete(const struct calibrate_arguments *a, enum calibration_ki
         [CALIBRATION_TIP] = a->channel != CHANNEL_COUNT,
         [CALIBRATION_REGISTRATION] = a->channel != CHANNEL_COUNT && a->points,
         [CALIBRATION_ENCODER] = a->key && a->value_count,
+        [CALIBRATION_DELAY] = a->channel != CHANNEL_COUNT,
     };
-    return a->config && a->device && needed[kind];
+    return a->config && (a->device || kind == CALIBRATION_DELAY) && needed[kind];
 }
 
 static void print(const struct calibration_entry *entry, json_t *report, bool json) {
@@ -148,7 +153,7 @@ static enum result calibrate(struct station_config *config, int part,
         return fail(err, RESULT_MISSING,
                     "%s: [station] names no file for the result. Add calibration = FILE",
                     arguments->config);
-    if (!setting_text(arguments->device, entry.device, sizeof entry.device))
+    if (arguments->device && !setting_text(arguments->device, entry.device, sizeof entry.device))
         return fail(err, RESULT_INVALID, "%s: a device cannot have this name", arguments->device);
     json_t *report = json_object();
     enum result result = parts[part].run(config, arguments, &entry, report, err);
@@ -177,7 +182,7 @@ static int run(int part, const struct calibrate_arguments *arguments) {
 static int find_and_run(char **words, int count, const struct calibrate_arguments *arguments) {
     const char *names[PART_COUNT + 1] = {NULL};
     if (count != 1)
-        return argument_wrong(program, "one of tip, landmarks and encoder is needed");
+        return argument_wrong(program, "one of tip, landmarks, encoder and delay is needed");
     for (int i = 0; i < PART_COUNT; i++) {
         names[i] = parts[i].name;
         if (strcmp(words[0], parts[i].name) != 0)

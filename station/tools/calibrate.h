@@ -28,3 +28,6 @@ enum result calibrate_landmarks(struct station_config *config,
 enum result calibrate_encoder(struct station_config *config,
                               const struct calibrate_arguments *arguments,
                               struct calibration_entry *out, json_t *report, struct error *err);
+enum result calibrate_delay(struct station_config *config,
+                            const struct calibrate_arguments *arguments,
+                            struct calibration_entry *out, json_t *report, struct error *err);

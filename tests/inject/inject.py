@@ -73,11 +73,9 @@ def wanted(options, door, caller):
 
 
 def walk_program(scenario, options, tally):
-    fault, outcome = scenario.run()  # who calls is known only now
+    fault, outcome = scenario.run()
     if fault:
         return tally.find(f"{scenario.name}: {fault}: {outcome.text[-300:]}", "")
-    scenario.plan.forget_counts()
-    scenario.run()
     print(f"{scenario.name}: {outcome.seconds:.2f} s", flush=True)
     for (door, caller), count in sorted(scenario.plan.counts().items()):
         if not wanted(options, door, caller) or tally.tried[door] >= options.most_of_door:

@@ -196,12 +196,15 @@ class Replay(OfTrace):
 
 class Csv(OfTrace):
     name, in_short = "trace export", False
+    all_of = ()  # it does without the case, and says so; the table tells whether it is whole
 
     def command(self, folder):
         return ["export", self.trace, "--csv", folder + "/out.csv"]
 
     def check(self, folder, outcome):
         out = folder + "/out.csv"
+        if outcome.status == 0 and not os.path.exists(out):
+            return "no table though it ended with 0"
         if outcome.status == 0:
             with open(out, "rb") as f:
                 return "" if len(f.read()) >= len(self.table) else "the table is cut short though it ended with 0"

@@ -44,10 +44,10 @@ struct trace_export_request {
     struct export_request export;
 };
 
-// Where the trace is not whole, what can be read was written.
+// Where the trace is not whole, what can be read was written. A pipe tells no place.
 static bool is_made(enum result result, FILE *file) {
-    return ftello(file) > 0 && (result == RESULT_OK || result == RESULT_MISSING ||
-                                result == RESULT_CORRUPT || result == RESULT_FORMAT);
+    bool damaged = result == RESULT_MISSING || result == RESULT_CORRUPT || result == RESULT_FORMAT;
+    return result == RESULT_OK || (damaged && ftello(file) != 0);
 }
 
 static enum result write_table(struct trace_export_request *request, struct error *err) {

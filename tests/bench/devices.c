@@ -4,11 +4,14 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "bench.h"
+#include "noise_table.h"
 #include "samples.h"
 #include "wire/seal.h"
 #include "wire/wire.h"
 
+#include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static const double device_hz = 500, loop_hz = 1000;
@@ -159,6 +162,28 @@ static enum result bench_rates(const bool chosen[LINES], double seconds, struct 
     return result;
 }
 
+// ---- noise --------------------------------------------------------------------------------------
+
+// Recordings, each at several rates, of which any pose is taken for noise; and how much of 2 mm of
+// noise is noticed at the least.
+static void bench_noise(struct report *report) {
+    static struct noise_row rows[NOISE_ROWS_MAX];
+    const char *data = getenv("ARTHRON_DATA");
+    int count = noise_table(data ? data : DATA, rows), false_flags = 0;
+    double least = 1;
+    if (!count) {
+        report_text(report, "noise", "skipped: the recordings are not there");
+        return;
+    }
+    for (int i = 0; i < count; i++) {
+        false_flags += rows[i].clean > 0;
+        least = fmin(least, rows[i].noisy);
+    }
+    report_figure(report, count, "recordings", "noise/recordings at a rate");
+    report_figure(report, least, "poses", "noise/least share noticed of 2 mm");
+    report_mark(report, "false_noise_flags", false_flags, "recordings", 0, BETTER_LOW);
+}
+
 enum result bench_devices(const struct bench_options *options, struct report *report,
                           struct error *err) {
     bool chosen[LINES] = {false};
@@ -167,6 +192,7 @@ enum result bench_devices(const struct bench_options *options, struct report *re
         result = bench_rates(chosen, options->quick ? 1.5 : 10, report, err);
     if (result == RESULT_OK)
         result = bench_slaves(chosen, options->quick, report, err);
+    bench_noise(report);
     bool any = false;
     for (int i = 0; i < MOCKUP_LINES; i++)
         any |= chosen[i];

@@ -34,40 +34,46 @@ void runner_newest(struct runner *r, int64_t now_ns, struct frame *frame) {
     }
 }
 
-static bool is_aligned(const struct sample *sample) {
-    return sample->validity == VALIDITY_OK && sample->kind != SAMPLE_HANDLE;
-}
-
-// The newest time that every channel has a value of. It does not go back.
-static int64_t common_time(const struct runner *r, int64_t now_ns, const struct frame *frame) {
+// The newest time that every channel tells of. It does not go back.
+static int64_t common_time(struct runner *r, int64_t now_ns) {
     int64_t common_ns = INT64_MAX;
-    for (int i = 0; i < frame->count; i++)
-        if (is_aligned(&frame->samples[i]) && frame->samples[i].time_ns < common_ns)
-            common_ns = frame->samples[i].time_ns;
+    for (int i = 0; i < r->count; i++) {
+        struct device *d = &r->devices[i];
+        pthread_mutex_lock(&d->lock);
+        runner_age_slots(d, now_ns);
+        for (int k = 0; k < d->slot_count; k++) {
+            int64_t told_ns = slot_told_ns(&d->slots[k], now_ns);
+            common_ns = told_ns < common_ns ? told_ns : common_ns;
+        }
+        pthread_mutex_unlock(&d->lock);
+    }
     return common_ns < r->common_ns && r->common_ns <= now_ns ? r->common_ns : common_ns;
 }
 
-static void take_back(struct runner *r, int device, struct sample *sample) {
-    struct device *d = &r->devices[device];
-    struct sample before;
-    pthread_mutex_lock(&d->lock);
-    bool found = past_at(&runner_slot(d, sample)->past, r->common_ns, &before);
-    pthread_mutex_unlock(&d->lock);
-    if (!found)
-        return;
-    r->alignment_ms = fmax(r->alignment_ms, (double)(sample->time_ns - before.time_ns) / NS_PER_MS);
-    before.validity = sample->validity;
-    *sample = before;
+static void add(struct runner *r, const struct slot *slot, struct frame *frame) {
+    struct sample before, *sample = &frame->samples[frame->count++];
+    *sample = slot->newest;
+    if (slot->validity == VALIDITY_OK && sample->time_ns > r->common_ns &&
+        past_at(&slot->past, r->common_ns, &before)) {
+        r->alignment_ms =
+            fmax(r->alignment_ms, (double)(sample->time_ns - before.time_ns) / NS_PER_MS);
+        *sample = before;
+    }
+    sample->validity = slot->validity;
 }
 
 void runner_collect(struct runner *r, int64_t now_ns, struct frame *frame) {
-    CHECK(!frame->count);
-    runner_newest(r, now_ns, frame);
-    r->common_ns = common_time(r, now_ns, frame);
+    r->common_ns = common_time(r, now_ns);
     r->alignment_ms = 0;
-    for (int i = 0; i < frame->count; i++)
-        if (is_aligned(&frame->samples[i]) && frame->samples[i].time_ns > r->common_ns)
-            take_back(r, frame->samples[i].device, &frame->samples[i]);
+    for (int i = 0; i < r->count; i++) {
+        struct device *d = &r->devices[i];
+        pthread_mutex_lock(&d->lock);
+        for (int k = 0; k < d->slot_count; k++) {
+            CHECK(frame->count < FRAME_SAMPLES_MAX);
+            add(r, &d->slots[k], frame);
+        }
+        pthread_mutex_unlock(&d->lock);
+    }
 }
 
 double runner_alignment_ms(const struct runner *runner) {

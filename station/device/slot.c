@@ -6,6 +6,8 @@
 
 #define CLOCK_BACK_NS (50 * NS_PER_MS) // no value was measured so long after now
 
+static const int64_t longest_silence_ns = NS_PER_S;
+
 // A source's pauses beyond this are pauses, not its rate.
 static const double longest_interval_ns = 250e6;
 static const double longest_pack_ns = 100e6; // what is longer was a stall
@@ -66,6 +68,8 @@ static void use(struct slot *slot, const struct sample *sample, int64_t arrival_
     slot->newest.device = device;
     filter_apply(&slot->filter, &slot->newest);
     past_add(&slot->past, &slot->newest);
+    int64_t lag_ns = arrival_ns - sample->time_ns;
+    slot->lag_ns = lag_ns > slot->lag_ns ? lag_ns : slot->lag_ns + (lag_ns - slot->lag_ns) / 64;
     double patience = slot->interval_ns ? 2 * slot->interval_ns : longest_interval_ns;
     slot->silent_ns = arrival_ns + (int64_t)patience;
     slot->validity = VALIDITY_OK;
@@ -122,4 +126,11 @@ bool slot_age(struct slot *slot, int64_t now_ns) {
     if (!guard_is_catching(&slot->guard, now_ns))
         guard_forget(&slot->guard);
     return true;
+}
+
+int64_t slot_told_ns(const struct slot *slot, int64_t now_ns) {
+    if (slot->newest.kind == SAMPLE_HANDLE || !slot->newest.time_ns ||
+        now_ns > slot->silent_ns + slot->hold_ns + longest_silence_ns)
+        return INT64_MAX;
+    return slot->validity == VALIDITY_OK ? slot->newest.time_ns : now_ns - slot->lag_ns;
 }

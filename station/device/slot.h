@@ -18,6 +18,7 @@ struct slot {
     struct filter filter; // none, unless filter_init is called after slot_init
     struct past past;     // of what was used, filtered
     int64_t hold_ns;      // from silent to lost
+    int64_t lag_ns;       // from a measurement to its arrival, nearly at most
     double interval_ns;   // usual time between two samples that were used; 0: not known yet
     int64_t arrived_ns;   // when samples last came
     double gap_ns;        // between the last two arrivals
@@ -48,3 +49,7 @@ void slot_arrived(struct slot *slot, int count, int64_t now_ns);
 
 // Brings slot->validity to what it is at now_ns. True: it was lost just now.
 bool slot_age(struct slot *slot, int64_t now_ns);
+
+// The newest time that a pose or a joint angle tells of. While it is silent for a moment: what it
+// would tell then. INT64_MAX: a handle, or one that has been silent for long.
+int64_t slot_told_ns(const struct slot *slot, int64_t now_ns);

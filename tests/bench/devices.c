@@ -196,7 +196,11 @@ enum result bench_devices(const struct bench_options *options, struct report *re
     bool any = false;
     for (int i = 0; i < MOCKUP_LINES; i++)
         any |= chosen[i];
-    if (result == RESULT_OK && any)
-        result = bench_faults(chosen, options->quick, report, err);
-    return result;
+    if (result != RESULT_OK || !any)
+        return result;
+    bool timed = chosen[MODBUS_TCP] && chosen[TRACKER];
+    struct bench_time *time = timed ? bench_time_start(options->quick) : NULL;
+    result = bench_faults(chosen, options->quick, report, err);
+    enum result of_time = time ? bench_time_end(&time, report, err) : RESULT_OK;
+    return result == RESULT_OK ? of_time : result;
 }

@@ -28,6 +28,12 @@ void sleep_until(int64_t time_ns); // on the monotonic clock
 enum result bench_slaves(const bool chosen[LINES], bool quick, struct report *report,
                          struct error *err);
 
+// Trackers that are late by ten unknown times, and how well bone and tool go together then. It goes
+// on beside another part; the end waits for it, and reports.
+struct bench_time;
+struct bench_time *bench_time_start(bool quick);
+enum result bench_time_end(struct bench_time **time, struct report *report, struct error *err);
+
 // Each fault that the mock-up knows, one after the other, on all lines of it that are chosen, at
 // once.
 enum result bench_faults(const bool chosen[LINES], bool quick, struct report *report,

@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <limits.h>
+#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
@@ -39,6 +40,28 @@ static enum result write_motion(const char *path, struct error *err) {
     return RESULT_OK;
 }
 
+static double bend_at(double seconds) {
+    double way = fmod(seconds * BEND_DEG_PER_S, 2 * (BEND_HIGH_DEG - BEND_LOW_DEG));
+    return BEND_LOW_DEG + fmin(way, 2 * (BEND_HIGH_DEG - BEND_LOW_DEG) - way);
+}
+
+static enum result write_bending(const char *path, struct error *err) {
+    FILE *file = fopen(path, "w");
+    if (!file)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    fputs("t_seconds,flexion_deg,varus_deg,internal_deg,shift_mm,drawer_mm,distraction_mm,"
+          "probe_tx_mm,probe_ty_mm,probe_tz_mm,probe_qw,probe_qx,probe_qy,probe_qz,probe_valid\n",
+          file);
+    for (int i = 0; i < MOTION_S * MOTION_HZ; i++) {
+        double deg = bend_at(i * 0.01), half = deg * M_PI / 360;
+        fprintf(file, "%.2f,%.6f,0,0,0,0,0,10,20,30,%.12f,%.12f,0,0,1\n", i * 0.01, deg, cos(half),
+                sin(half));
+    }
+    if (fclose(file))
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    return RESULT_OK;
+}
+
 static enum result program_beside_us(char *out, size_t size, struct error *err) {
     ssize_t length = readlink("/proc/self/exe", out, size - 1);
     if (length < 0)
@@ -50,22 +73,47 @@ static enum result program_beside_us(char *out, size_t size, struct error *err) 
                              : RESULT_OK;
 }
 
-static void run_program(const struct mockup *m, const char *program, double rate_hz, int out_fd) {
-    char rate[32], faults[128];
-    snprintf(rate, sizeof rate, "%g", rate_hz);
+struct play {
+    const char *faults;
+    double tracker_hz, registers_hz;
+    bool bends; // else the steady motion, with serial line and handle
+};
+
+static bool has_handle(const struct play *play) {
+    return !play->bends && !mockup_without_hid();
+}
+
+static void run_program(const struct mockup *m, const char *program, const struct play *play,
+                        int out_fd) {
+    char rate[32], registers[32], faults[128];
+    const char *arguments[24] = {program,       "--motion",      m->motion, "--modbus-tcp",
+                                 "127.0.0.1:0", "--modbus-rate", registers, "--tracker",
+                                 "127.0.0.1:0", "--rate",        rate,      "--faults",
+                                 faults};
+    int count = 13;
+    snprintf(rate, sizeof rate, "%g", play->tracker_hz);
+    snprintf(registers, sizeof registers, "%g", play->registers_hz);
     path_in(m, "faults.ini", faults, sizeof faults);
+    if (!play->bends) {
+        arguments[count++] = "--modbus-rtu";
+        arguments[count++] = m->serial;
+    }
+    if (has_handle(play)) {
+        arguments[count++] = "--hid";
+        arguments[count++] = m->hid;
+        arguments[count++] = "--hid-rate";
+        arguments[count++] = rate;
+    }
     dup2(out_fd, STDOUT_FILENO);
-    execl(program, program, "--motion", m->motion, "--modbus-tcp", "127.0.0.1:0", "--modbus-rtu",
-          m->serial, "--slaves", "2", "--modbus-rate", rate, "--tracker", "127.0.0.1:0", "--rate",
-          rate, "--faults", faults, mockup_without_hid() ? (char *)NULL : "--hid", m->hid,
-          "--hid-rate", rate, (char *)NULL);
+    execv(program, (char *const *)arguments);
     _exit(127);
 }
 
-static enum result read_addresses(struct mockup *m, int fd, struct error *err) {
+static enum result read_addresses(struct mockup *m, int fd, const struct play *play,
+                                  struct error *err) {
     FILE *out = fdopen(fd, "r");
     char line[256];
-    int seen = 0, wanted = mockup_without_hid() ? 3 : 4;
+    int seen = 0, wanted = 2 + !play->bends + has_handle(play);
     while (seen < wanted && fgets(line, sizeof line, out)) {
         seen++;
         if (sscanf(line, "modbus-tcp %63s", m->modbus_tcp) != 1)
@@ -76,7 +124,7 @@ static enum result read_addresses(struct mockup *m, int fd, struct error *err) {
     return seen == wanted ? RESULT_OK : fail(err, RESULT_CLOSED, "arthron-mockup ended at once");
 }
 
-static enum result spawn(struct mockup *m, double rate_hz, struct error *err) {
+static enum result spawn(struct mockup *m, const struct play *play, struct error *err) {
     char program[PATH_MAX];
     int pipes[2];
     enum result result = program_beside_us(program, sizeof program, err);
@@ -86,12 +134,12 @@ static enum result spawn(struct mockup *m, double rate_hz, struct error *err) {
         return fail(err, RESULT_IO, "pipe: %s", strerror(errno));
     m->pid = fork();
     if (!m->pid)
-        run_program(m, program, rate_hz, pipes[1]);
+        run_program(m, program, play, pipes[1]);
     close(pipes[1]);
-    return read_addresses(m, pipes[0], err);
+    return read_addresses(m, pipes[0], play, err);
 }
 
-enum result mockup_start(const char *faults, double rate_hz, struct mockup *m, struct error *err) {
+static enum result start(const struct play *play, struct mockup *m, struct error *err) {
     char path[128];
     *m = (struct mockup){0};
     folder_make(m->folder);
@@ -99,14 +147,23 @@ enum result mockup_start(const char *faults, double rate_hz, struct mockup *m, s
     path_in(m, "motion.csv", m->motion, sizeof m->motion);
     path_in(m, "line", m->serial, sizeof m->serial);
     path_in(m, "faults.ini", path, sizeof path);
-    enum result result = write_motion(m->motion, err);
+    enum result result = play->bends ? write_bending(m->motion, err) : write_motion(m->motion, err);
     if (result == RESULT_OK)
-        result = write_file(path, faults, err);
+        result = write_file(path, play->faults, err);
     if (result == RESULT_OK)
-        result = spawn(m, rate_hz, err);
+        result = spawn(m, play, err);
     if (result != RESULT_OK)
         mockup_end(m);
     return result;
+}
+
+enum result mockup_start(const char *faults, double rate_hz, struct mockup *m, struct error *err) {
+    return start(&(struct play){faults, rate_hz, rate_hz, false}, m, err);
+}
+
+enum result mockup_start_bending(const char *faults, double tracker_hz, struct mockup *m,
+                                 struct error *err) {
+    return start(&(struct play){faults, tracker_hz, BEND_REGISTERS_HZ, true}, m, err);
 }
 
 void mockup_end(struct mockup *m) {

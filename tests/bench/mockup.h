@@ -27,6 +27,17 @@ struct mockup {
 // text of its --faults file, `rate_hz`: registers' updates, tracker's frames and handle's reports.
 // The caller ends it with mockup_end, which also removes the folder.
 enum result mockup_start(const char *faults, double rate_hz, struct mockup *out, struct error *err);
+// The same without handle and serial line, and with another motion: the joint bends and stretches
+// between BEND_LOW_DEG and BEND_HIGH_DEG at BEND_DEG_PER_S, and the probe is fixed to the bone that
+// moves: it turns about x as the joint bends. Its registers change BEND_REGISTERS_HZ times a
+// second.
+#define BEND_LOW_DEG 10
+#define BEND_HIGH_DEG 70
+#define BEND_DEG_PER_S 60.0
+#define BEND_REGISTERS_HZ 4000
+enum result mockup_start_bending(const char *faults, double tracker_hz, struct mockup *out,
+                                 struct error *err);
+
 void mockup_end(struct mockup *mockup);
 
 // Why it cannot be a handle here; NULL: it is one.

@@ -25,6 +25,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
+JOINT, PROBE = 0, 4  # channels
+
 # ---- enrolment -----------------------------------------------------------------------------------
 
 
@@ -204,7 +206,7 @@ class Datagrams:
 
     def send(self, frame):
         """Pads the frame: the server sends no reply that is longer than the frame."""
-        instruments = {sample.channel for sample in frame.samples if sample.channel >= pb.PROBE}
+        instruments = {sample.channel for sample in frame.samples if sample.channel >= PROBE}
         padded = pb.Frame()
         padded.CopyFrom(frame)
         padded.padding = bytes(max(0, 183 + 225 * len(instruments) - padded.ByteSize()))
@@ -347,7 +349,7 @@ class Station:
         """T_mockup_femur and T_mockup_tibia. Nothing here tracks the femur: it is the mock-up's frame."""
         self.bodies[pb.BODY_FEMUR] = ((1, 0, 0, 0), (0, 0, 0))
         for sample in samples:
-            if sample.channel == pb.JOINT and self.knee:
+            if sample.channel == JOINT and self.knee:
                 self.bodies[pb.BODY_TIBIA] = tibia_in_femur(self.knee, sample.joint)
 
     def show(self, reply):
@@ -362,8 +364,8 @@ def samples_at(seconds):
     """What a real station reads from its devices: the joint's angles and a probe's tip."""
     now = time.monotonic_ns()
     flexion = 45 - 45 * math.cos(seconds)
-    return [pb.Sample(channel=pb.JOINT, device=0, time_ns=now, joint=pb.Joint(flexion_deg=flexion)),
-            pb.Sample(channel=pb.PROBE, device=0, time_ns=now, pose=pb.Pose(qw=1, x=20, y=30 + 5 * math.sin(seconds)))]
+    return [pb.Sample(channel=JOINT, device=0, time_ns=now, joint=pb.Joint(flexion_deg=flexion)),
+            pb.Sample(channel=PROBE, device=0, time_ns=now, pose=pb.Pose(qw=1, x=20, y=30 + 5 * math.sin(seconds)))]
 
 
 def run(host, port, name, folder, seconds):
@@ -380,7 +382,7 @@ def run(host, port, name, folder, seconds):
             place = station.bodies[pb.BODY_TIBIA][1]
             print(f"replies: {station.by_tcp} by TCP, {station.by_datagram} by datagram; "
                   f"tibia at {place[0]:.1f} {place[1]:.1f} {place[2]:.1f} mm; warped: "
-                  + ", ".join(f"{pb.Channel.Name(c)} at {p[1][0]:.1f} {p[1][1]:.1f} {p[1][2]:.1f} mm"
+                  + ", ".join(f"{'probe' if c == PROBE else c} at {p[1][0]:.1f} {p[1][1]:.1f} {p[1][2]:.1f} mm"
                               for c, p in station.warped.items()), flush=True)
     station.close()
 

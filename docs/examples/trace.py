@@ -18,7 +18,7 @@ LAYOUTS = {
     "header": """session:16s parent:32s:3 parent_session:16s:4 station:text trainee:text case_name:text case_dir:text
         case_hash:Q start_utc_ns:q start_ns:q rules:B:5 field:B unit_mm:d radius_mm:d background_per_mm:d skin_mm:d
         strength:d adaptive:B:3 avatar:B:3 bodies:bodies:3 hold_ns:q ease_share:d ease_mm_s:d tilt_deg:d:4
-        field_deg:d:4 build:text libc:text cpu:text""",
+        field_deg:d:4 build:text libc:text cpu:text tools:tools:5""",
     "input": "kind:B time_ns:q more:more", "frame": "number:Q time_ns:q samples:samples", "result": "job:Q done:B",
     "sample": "channel:B kind:B validity:B device:B time_ns:q value:value",
     "step": """input:input step:Q frame_number:Q time_ns:q state:B events:I joint:6d joint_validity:B bones:bones
@@ -40,6 +40,8 @@ TOOLS, BODIES = "probe punch shaver knife scope".split(), "femur tibia patella".
 TYPES = {
     "bytes": lambda t: t.take(f"{t.take('H')}s"),
     "text": lambda t: t.take(f"{t.take('H')}s").decode(),
+    "tools": lambda t: TOOLS + [(TYPES["text"](t), t.take("3B4dI"), t.take(f"{4 * t.take('B')}d"))[0]
+                                for _ in range(t.take("B") if t.at < t.end else 0)],
     "bodies": lambda t: [t.take(f"{4 * t.take('B')}d") for _ in TOOLS],
     "input": lambda t: t.read("input"),
     "more": lambda t: {0: lambda: t.read("frame"), 6: lambda: t.read("result")}.get(t.data[t.at - 9], dict)(),
@@ -47,7 +49,7 @@ TYPES = {
     "value": lambda t: t.take(("6d", "7d", "dI")[t.data[t.at - 11]]),  # joint, pose or handle
     "bones": lambda t: [(t.take("7d"), t.take("7d") if t.version > 2 and t.take("B") else None) for _ in BODIES],
     "torn": lambda t: [t.take("2d") for _ in range(t.take("B"))],
-    "instruments": lambda t: {tool: t.read("instrument") for tool in TOOLS if t.take("B")},
+    "instruments": lambda t: {tool: t.read("instrument") for tool in t.header.get("tools", TOOLS) if t.take("B")},
     "lead": lambda t: t.take("33d") if t.take("B") else None,
     "job": lambda t: t.read("job") if any(t.data[t.at:t.at + 8]) else t.take("Q"),
     "cut": lambda t: t.read("cut") if t.data[t.at - 2] == 1 else None,
@@ -59,9 +61,8 @@ TYPES = {
 class Trace:
     def __init__(self, data):
         magic, self.version, size = struct.unpack_from("<8sHI", data)
-        if magic != b"ARTHRTRC" or not 2 <= self.version <= 5:
-            sys.exit("this is no trace of versions 2 to 5")
-        self.data, self.at, self.hash, self.whole = data, 14, bytes(32), False
+        magic == b"ARTHRTRC" and 2 <= self.version <= 5 or sys.exit("this is no trace of versions 2 to 5")
+        self.data, self.at, self.end, self.hash, self.whole = data, 14, 14 + size, bytes(32), False
         self.next = self.check(0, 14 + size) or sys.exit("the header is damaged")
         self.header = {"rules": 1, "parent": bytes(32), "adaptive": 0, "avatar": 0, "tilt_deg": 30, "field_deg": 90}
         self.header.update(self.read("header"))
@@ -145,5 +146,4 @@ def info(trace):
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    with open(sys.argv[1], "rb") as file:
-        print(json.dumps(info(Trace(file.read())), indent=2))
+    print(json.dumps(info(Trace(open(sys.argv[1], "rb").read())), indent=2))

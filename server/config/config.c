@@ -120,7 +120,8 @@ static void *find_instrument(void *user, const char *name, struct error *err) {
         return &((struct server_config *)user)
                     ->sessions.settings.bodies[channel - CHANNEL_FIRST_INSTRUMENT];
     fail(err, RESULT_INVALID,
-         "there is no such instrument; the instruments are probe, punch, shaver, knife, scope");
+         "there is no such instrument; the instruments are probe, punch, shaver, knife, scope, "
+         "and of those that a station describes instrument_6, instrument_7, instrument_8");
     return NULL;
 }
 

@@ -2,26 +2,42 @@
 
 #include "base/check.h"
 
-// The upper jaw of a punch turns about a hinge on the shaft's axis, from the closed lower jaw
-// towards y. It takes tissue between jaw_root and jaw_length from the hinge.
-static const double jaw_length = 6, jaw_root = 1, jaw_half_width = 1.75, jaw_full_deg = 35;
+// An upper jaw turns about a hinge on the shaft's axis, from the closed lower jaw towards y. It
+// takes tissue between jaw_root and its length from the hinge.
+static const double jaw_root = 1;
 static const double jaw_tremor_mm = 0.5; // what goes farther between two moves bites anew
-static const double burr_radius = 2;
-static const vec3 knife_low = {-0.1, -1.25, -3.5},
-                  knife_high = {0.1, 1.25, 0}; // its kerf is along x
 
-// A knife that turns is swept in parts, each turning by no more than this, where there are enough.
-static const double knife_part_deg = 1;
+// A blade that turns is swept in parts, each turning by no more than this, where there are enough.
+static const double blade_part_deg = 1;
 
-const char *blade_name(enum blade_kind kind) {
-    static const char *const names[BLADE_COUNT] = {"punch", "shaver", "knife"};
-    return (unsigned)kind < BLADE_COUNT ? names[kind] : "unknown";
+// Of a blade: its kerf is along x.
+static vec3 blade_low(const struct instrument *blade) {
+    return (vec3){-blade->thickness_mm / 2, -blade->width_mm / 2, -blade->length_mm};
 }
 
-double blade_reach_mm(enum blade_kind kind) {
-    static const double reach[BLADE_COUNT] = {6.5, 4.5, 4};
-    CHECK((unsigned)kind < BLADE_COUNT);
-    return reach[kind];
+static vec3 blade_high(const struct instrument *blade) {
+    return (vec3){blade->thickness_mm / 2, blade->width_mm / 2, 0};
+}
+
+static vec3 jaw_direction(const struct instrument *jaw, double opening) {
+    double angle = opening * jaw->opening_deg * RAD_PER_DEG;
+    return (vec3){0, sin(angle), cos(angle)};
+}
+
+// With room for what encloses a ball, and for a blade that turns.
+double blade_reach_mm(const struct instrument *instrument) {
+    switch (instrument->kind) {
+    case INSTRUMENT_JAW: {
+        vec3 open = vec3_scale(instrument->length_mm, jaw_direction(instrument, 1));
+        vec3 corner = {instrument->width_mm / 2, open.y, open.z - instrument->length_mm};
+        double root = hypot(instrument->length_mm, instrument->width_mm / 2);
+        return fmax(instrument->length_mm + 0.5, fmax(vec3_length(corner), root));
+    }
+    case INSTRUMENT_BURR:
+        return fmax(instrument->width_mm + 0.5, 1.125 * instrument->width_mm);
+    default:
+        return fmax(instrument->length_mm + 0.5, 1.05 * vec3_length(blade_low(instrument)) + 0.05);
+    }
 }
 
 // ---- planes around points -----------------------------------------------------------------------
@@ -64,16 +80,12 @@ static int one_part(bool made) {
 
 // ---- the three blades ---------------------------------------------------------------------------
 
-static vec3 jaw_direction(double opening) {
-    double angle = opening * jaw_full_deg * RAD_PER_DEG;
-    return (vec3){0, sin(angle), cos(angle)};
-}
-
 // How far the jaw's farthest point has gone from one pose to the other.
-static double jaw_way_mm(pose from, pose to) {
+static double jaw_way_mm(const struct instrument *jaw, pose from, pose to) {
+    double half_width = jaw->width_mm / 2;
     double farthest = 0;
     for (int i = 0; i < 4; i++) {
-        vec3 p = {i & 1 ? jaw_half_width : -jaw_half_width, 0, i & 2 ? 0 : -jaw_length};
+        vec3 p = {i & 1 ? half_width : -half_width, 0, i & 2 ? 0 : -jaw->length_mm};
         farthest = fmax(farthest, vec3_distance(pose_apply(from, p), pose_apply(to, p)));
     }
     return farthest;
@@ -81,27 +93,30 @@ static double jaw_way_mm(pose from, pose to) {
 
 // A wedge about the hinge, from the opening before to that after. A hand that trembles as it closes
 // the jaw leaves no film between one move and the next: the wedge goes back to where the jaw was.
-static int punch_parts(const struct blade_move *move, struct convex *out_parts, struct error *err) {
+static int jaw_parts(const struct instrument *jaw, const struct blade_move *move,
+                     struct convex *out_parts, struct error *err) {
     double high = move->opening[0], low = move->opening[1];
+    double length = jaw->length_mm, half_width = jaw->width_mm / 2;
     if (high - low < 1e-3)
         return 0;
     pose at = move->T_mesh_tip[1];
-    vec3 hinge = {0, 0, -jaw_length};
-    vec3 directions[3] = {jaw_direction(low), jaw_direction((low + high) / 2), jaw_direction(high)};
+    vec3 hinge = {0, 0, -length};
+    vec3 directions[3] = {jaw_direction(jaw, low), jaw_direction(jaw, (low + high) / 2),
+                          jaw_direction(jaw, high)};
     struct blade_hull body = {0};
     for (int i = 0; i < 3; i++)
         for (int side = -1; side <= 1; side += 2) {
-            vec3 beside = {side * jaw_half_width, 0, 0};
+            vec3 beside = {side * half_width, 0, 0};
             vec3 from = vec3_add(hinge, beside);
             body.points[body.point_count++] =
                 pose_apply(at, vec3_add_scaled(from, jaw_root, directions[i]));
             body.points[body.point_count++] =
-                pose_apply(at, vec3_add_scaled(from, jaw_length, directions[i]));
+                pose_apply(at, vec3_add_scaled(from, length, directions[i]));
         }
-    bool trembled = jaw_way_mm(move->T_mesh_tip[0], at) < jaw_tremor_mm;
+    bool trembled = jaw_way_mm(jaw, move->T_mesh_tip[0], at) < jaw_tremor_mm;
     for (int i = 0; i < 4 && trembled; i++) {
-        vec3 from = {i & 1 ? jaw_half_width : -jaw_half_width, 0, -jaw_length};
-        vec3 p = vec3_add_scaled(from, i & 2 ? jaw_root : jaw_length, directions[2]);
+        vec3 from = {i & 1 ? half_width : -half_width, 0, -length};
+        vec3 p = vec3_add_scaled(from, i & 2 ? jaw_root : length, directions[2]);
         body.points[body.point_count++] = pose_apply(move->T_mesh_tip[0], p);
     }
     vec3 across = {1, 0, 0};
@@ -134,24 +149,26 @@ static void add_ball(struct blade_hull *body, vec3 axis) {
     add_both(body, axis);
 }
 
-static int shaver_parts(const struct blade_move *move, struct convex *out_parts,
-                        struct error *err) {
+static int burr_parts(const struct instrument *burr, const struct blade_move *move,
+                      struct convex *out_parts, struct error *err) {
+    double radius = burr->width_mm / 2;
     struct blade_hull body = {.point_count = 2};
     vec3 shaft = quat_rotate(move->T_mesh_tip[1].rotation, (vec3){0, 0, 1});
     for (int i = 0; i < 2; i++)
-        body.points[i] = pose_apply(move->T_mesh_tip[i], (vec3){0, 0, -burr_radius});
+        body.points[i] = pose_apply(move->T_mesh_tip[i], (vec3){0, 0, -radius});
     vec3 way = vec3_sub(body.points[1], body.points[0]);
     add_ball(&body, vec3_length(way) < 0.02 ? shaft : vec3_unit_or(way, shaft));
-    return one_part(finish(&body, burr_radius, out_parts, err));
+    return one_part(finish(&body, radius, out_parts, err));
 }
 
 // Exact for a straight move; for one that turns an outer bound.
-static bool sweep_knife(pose from, pose to, struct convex *out_part, struct error *err) {
+static bool sweep_blade(const struct instrument *blade, pose from, pose to, struct convex *out_part,
+                        struct error *err) {
     struct blade_hull body = {0};
+    vec3 low = blade_low(blade), high = blade_high(blade);
     for (int end = 0; end < 2; end++)
         for (int i = 0; i < 8; i++) {
-            vec3 corner = {(i & 1 ? knife_high : knife_low).x, (i & 2 ? knife_high : knife_low).y,
-                           (i & 4 ? knife_high : knife_low).z};
+            vec3 corner = {(i & 1 ? high : low).x, (i & 2 ? high : low).y, (i & 4 ? high : low).z};
             body.points[body.point_count++] = pose_apply(end ? to : from, corner);
         }
     pose middle = pose_interpolate(from, to, 0.5);
@@ -164,28 +181,33 @@ static bool sweep_knife(pose from, pose to, struct convex *out_part, struct erro
     return finish(&body, 0, out_part, err);
 }
 
-static int knife_parts(const struct blade_move *move, struct convex *out_parts, struct error *err) {
+static int swept_parts(const struct instrument *blade, const struct blade_move *move,
+                       struct convex *out_parts, struct error *err) {
     const pose *at = move->T_mesh_tip;
     double turn_deg = quat_angle(at[0].rotation, at[1].rotation) * DEG_PER_RAD;
-    int steps = (int)fmin(CUT_PARTS_MAX, 1 + turn_deg / knife_part_deg);
+    int steps = (int)fmin(CUT_PARTS_MAX, 1 + turn_deg / blade_part_deg);
     for (int i = 0; i < steps; i++)
-        if (!sweep_knife(pose_interpolate(at[0], at[1], (double)i / steps),
+        if (!sweep_blade(blade, pose_interpolate(at[0], at[1], (double)i / steps),
                          pose_interpolate(at[0], at[1], (i + 1.0) / steps), &out_parts[i], err))
             return -1;
     return steps;
 }
 
-int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX],
-                struct error *err) {
+int blade_parts(const struct instruments *instruments, const struct blade_move *move,
+                struct convex out_parts[CUT_PARTS_MAX], struct error *err) {
     CHECK(pose_is_valid(move->T_mesh_tip[0]) && pose_is_valid(move->T_mesh_tip[1]));
-    static int (*const parts_of[BLADE_COUNT])(const struct blade_move *, struct convex *,
-                                              struct error *) = {
-        [BLADE_PUNCH] = punch_parts, [BLADE_SHAVER] = shaver_parts, [BLADE_KNIFE] = knife_parts};
-    CHECK((unsigned)move->kind < BLADE_COUNT);
-    int count = parts_of[move->kind](move, out_parts, err);
+    static int (*const parts_of[INSTRUMENT_KIND_COUNT])(
+        const struct instrument *, const struct blade_move *, struct convex *,
+        struct error *) = {[INSTRUMENT_JAW] = jaw_parts,
+                           [INSTRUMENT_BURR] = burr_parts,
+                           [INSTRUMENT_BLADE] = swept_parts};
+    int index = instrument_of_blade(move->blade);
+    CHECK(index >= 0 && index < instruments->count);
+    const struct instrument *tool = &instruments->of[index];
+    CHECK(instrument_cuts(tool));
+    int count = parts_of[tool->kind](tool, move, out_parts, err);
     vec3 tip = move->T_mesh_tip[1].translation;
     if (count < 0)
-        fail_in(err, RESULT_INVALID, "the %s at %.1f,%.1f,%.1f: ", blade_name(move->kind), tip.x,
-                tip.y, tip.z);
+        fail_in(err, RESULT_INVALID, "the %s at %.1f,%.1f,%.1f: ", tool->name, tip.x, tip.y, tip.z);
     return count;
 }

@@ -40,7 +40,7 @@ static const char *outcome_text(int value) {
 }
 
 static const char *blade_text(int value) {
-    return blade_name((enum blade_kind)value);
+    return channel_name((enum channel)(value + CHANNEL_PUNCH));
 }
 
 static const char *mode_text(int value) {
@@ -54,7 +54,7 @@ static void describe_names(struct image_writer *writer) {
     list_names(writer, "arthron:names_input", input_text, INPUT_KIND_COUNT);
     list_names(writer, "arthron:names_job_kind", job_text, JOB_KIND_COUNT);
     list_names(writer, "arthron:names_landed_outcome", outcome_text, JOB_OUTCOME_COUNT);
-    list_names(writer, "arthron:names_job_blade", blade_text, BLADE_COUNT);
+    list_names(writer, "arthron:names_job_blade", blade_text, BLADE_MOST + 1);
     list_names(writer, "arthron:names_lead_mode", mode_text, AVATAR_MODE_COUNT);
     image_writer_text(writer, 0, "arthron:units",
                       "lengths mm, angles deg (names end so), t_seconds s since the session's "

@@ -117,6 +117,7 @@ static void fill_session(struct live_server *live, const struct viewer *viewer,
         return;
     const struct knee_case *knee = scene_case(sessions_scene(live->sessions, about->scene));
     memcpy(out->id, about->id, sizeof out->id);
+    wire_session_instruments_from(&about->instruments, out);
     snprintf(out->trainee, sizeof out->trainee, "%s", about->trainee);
     snprintf(out->case_name, sizeof out->case_name, "%s", config->cases[about->scene].name);
     memcpy(out->own_case, out->case_name, sizeof out->own_case);

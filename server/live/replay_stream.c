@@ -114,6 +114,7 @@ static void say_session(struct replay_stream *f, const char *path) {
              f->own_case ? f->case_name : f->header.case_name);
     out->case_hash = scene_case(f->scene)->hash;
     out->start_utc_ns = f->header.start_utc_ns;
+    wire_session_instruments_from(&f->header.settings.instruments, out);
     out->strength = (float)f->header.settings.field.strength;
     out->optic_deg = (float)f->header.optic.tilt_deg;
     out->optic_view_deg = (float)f->header.optic.field_deg;
@@ -324,7 +325,7 @@ static enum result show(struct replay_stream *f, const char *path) {
     struct error why;
     say_session(f, path);
     snapshot_begin(&f->moments, 0, f->header.start_ns);
-    metrics_init(&f->metrics, f->header.optic);
+    metrics_init(&f->metrics, &f->header.settings.instruments, f->header.optic);
     if (f->watch->meshes || !f->own_case) {
         f->rerun = rerun_create(f->scene, &f->header.settings);
         rerun_watch(f->rerun, on_landing, f);

@@ -111,11 +111,10 @@ void warning_of_place(arthron_Place *place, double drift_mm) {
     if (place->refused[0])
         warn(place, URGENCY_NOW, "%s", place->refused);
     if (info->state != arthron_SessionState_CLOSED) {
-        if (info->connected)
-            warn_of_slowed(place); // before the little loss that comes of it
         warn_of_link(place);
         if (info->connected) {
             warn_of_devices(place);
+            warn_of_slowed(place);
             warn_of_way(place);
         }
         warn_of_trace(place);

@@ -189,15 +189,17 @@ static void tell_hands(struct metric_list *t) {
 
 void metrics_each(const struct metrics *m, void (*each)(void *, const struct metric_value *),
                   void *context) {
-    struct metric_value nobody = {METRIC_TIME, -1, -1, -1, -1, -1, -1, NAN, false};
+    struct metric_value nobody = {METRIC_TIME, -1, -1, -1, -1, -1, -1, NULL, NAN, false};
     struct metric_list t = {each, context, m, nobody};
     tell(&t, METRIC_TIME, seconds(m->running_ns), true);
     tell_hands(&t);
-    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+    for (int i = 0; i < m->tools.count; i++) {
         t.about.instrument = i;
+        t.about.tool = m->tools.of[i].name;
         tell_instrument(&t, &m->instruments[i]);
     }
     t.about.instrument = -1;
+    t.about.tool = NULL;
     for (int i = 0; i < TISSUES_MAX; i++) {
         t.about.tissue = i;
         if (m->resected[i])

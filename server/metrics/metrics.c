@@ -4,12 +4,12 @@
 
 #include <string.h>
 
-#define SCOPE (CHANNEL_SCOPE - CHANNEL_FIRST_INSTRUMENT)
-
-void metrics_init(struct metrics *m, struct view_optic optic) {
+void metrics_init(struct metrics *m, const struct instruments *tools, struct view_optic optic) {
+    struct instruments of = *tools; // it may lie in *m
     CHECK(view_optic_is_valid(&optic));
     memset(m, 0, sizeof *m);
     m->optic = optic;
+    m->tools = of;
     hands_init(&m->hands);
     for (int i = 0; i < INSTRUMENT_COUNT; i++) {
         struct instrument_metrics *one = &m->instruments[i];
@@ -61,12 +61,20 @@ static void pass(struct metrics *m, int64_t time_ns) {
         pass_instrument(&m->instruments[i], &m->standing[i], passed_ns);
 }
 
+// The optic through which the trainee looks: the first that is there; -1: none.
+static int scope_of(const struct metrics *m, const struct session_output *output) {
+    for (int i = 0; i < m->tools.count; i++)
+        if (m->tools.of[i].kind == INSTRUMENT_OPTIC && output->instruments[i].present)
+            return i;
+    return -1;
+}
+
 // ---- what stands from this step on --------------------------------------------------------------
 
 static void stand(const struct metrics *m, const struct session_output *output, int instrument,
                   struct standing *out) {
     const struct instrument_output *o = &output->instruments[instrument];
-    const struct instrument_output *scope = &output->instruments[SCOPE];
+    int scope = scope_of(m, output);
     const struct discrepancy *d = &o->discrepancy;
     memset(out, 0, sizeof *out);
     if (!o->present)
@@ -79,9 +87,10 @@ static void stand(const struct metrics *m, const struct session_output *output, 
     out->noticed[NOTICED_TILTED] = d->tilt_deg > NOTICED_TURN_DEG;
     out->noticed[NOTICED_GAIN] = d->gain > NOTICED_GAIN_MOST || d->gain_least < NOTICED_GAIN_LEAST;
     out->noticed[NOTICED_ANY] = discrepancy_is_noticed(d);
-    out->beside_scope = instrument != SCOPE && scope->present;
-    out->in_view = out->beside_scope &&
-                   view_shows(&m->optic, scope->T_mockup_warped, o->T_mockup_warped.translation);
+    out->beside_scope = scope >= 0 && m->tools.of[instrument].kind != INSTRUMENT_OPTIC;
+    out->in_view =
+        out->beside_scope && view_shows(&m->optic, output->instruments[scope].T_mockup_warped,
+                                        o->T_mockup_warped.translation);
 }
 
 // ---- motion -------------------------------------------------------------------------------------
@@ -152,7 +161,7 @@ static void step_instrument(struct metrics *m, int instrument, const struct sess
 void metrics_step(struct metrics *m, const struct session_input *input,
                   const struct session_output *output) {
     if (input->kind == INPUT_RESET && output->state != SESSION_CLOSED)
-        metrics_init(m, m->optic);
+        metrics_init(m, &m->tools, m->optic);
     pass(m, output->time_ns);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         step_instrument(m, i, input, output);

@@ -37,6 +37,7 @@ struct instrument_metrics {
 
 struct metrics {
     struct view_optic optic;
+    struct instruments tools; // of the session
     int64_t running_ns;
     bool stepped;     // there was a step; the next three are of the last one
     int64_t time_ns;  // its time
@@ -53,7 +54,8 @@ struct metrics {
     uint32_t undone[TISSUES_MAX]; // strokes that were undone
 };
 
-void metrics_init(struct metrics *metrics, struct view_optic optic);
+void metrics_init(struct metrics *metrics, const struct instruments *tools,
+                  struct view_optic optic);
 
 // Adds the session's next step. INPUT_RESET sets all metrics back.
 void metrics_step(struct metrics *metrics, const struct session_input *input,
@@ -116,7 +118,8 @@ extern const struct metric_kind metric_kinds[METRIC_COUNT];
 struct metric_value {
     enum metric metric;
     int instrument, group, depth, tissue, along, across;
-    double value; // NaN: not defined in this session
+    const char *tool; // the instrument's name; valid as long as the metrics
+    double value;     // NaN: not defined in this session
     bool below_floor;
 };
 

@@ -28,7 +28,7 @@ void subject_zone(const struct metric_value *v, char out[SUBJECT_MAX]) {
 }
 
 const char *subject_instrument(const struct metric_value *v) {
-    return channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + v->instrument));
+    return v->tool;
 }
 
 void subject_text(const struct knee_case *knee, const struct metric_value *v,

@@ -17,7 +17,7 @@
 #define ASKS_PER_S 2 // for meshes
 #define ASKS_BURST 32
 
-static const char *const capabilities[] = {"datagrams", "meshes", "path"};
+static const char *const capabilities[] = {"datagrams", "meshes", "path", "instruments"};
 
 static void cancel_application(struct peer *peer) {
     if (peer->applies && peer->control->registrar) // none: the server has stopped

@@ -173,7 +173,7 @@ enum result session_score_trace(const char *trace, const char *authority, scene_
         trace_reader_bind(reader, scene);
     struct score_builder builder = {out, scene ? scene_case(scene) : NULL};
     struct metrics *metrics = alloc(1, sizeof *metrics);
-    metrics_init(metrics, header->optic);
+    metrics_init(metrics, &header->settings.instruments, header->optic);
     session_row_begin(header, trace, &out->session);
     int64_t closed_utc_ns;
     result = read_steps(reader, metrics, &out->session, &closed_utc_ns, err);

@@ -103,7 +103,7 @@ static void write_instruments(const struct review_page *page) {
         if (!page->survey.present[i])
             continue;
         fprintf(page->file, "<h3>%s</h3>\n<div class=\"row\">\n",
-                channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)));
+                page->header->settings.instruments.of[i].name);
         report_plot_tip(page->file, &page->lines.tips[i]);
         fputs("</div>\n", page->file);
     }
@@ -329,7 +329,7 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
     enum result result = trace_reader_create(source->trace, &again, err);
     if (result != RESULT_OK)
         return result;
-    metrics_init(&page->metrics, page->header->optic);
+    metrics_init(&page->metrics, &page->header->settings.instruments, page->header->optic);
     result = report_lines_read(again, &page->survey, source->progress, &page->lines, &page->metrics,
                                err);
     trace_reader_destroy(&again);

@@ -21,7 +21,7 @@ static void fill_instrument(const struct session_output *output, int index,
     struct avatar_extrapolation extrapolation =
         avatar_extrapolation_in(T_body_mockup, &instrument->extrapolation);
 
-    out->channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index);
+    out->channel = (uint8_t)(CHANNEL_FIRST_INSTRUMENT + index);
     out->validity = (arthron_Validity)instrument->validity;
     out->body = (arthron_Body)body;
     out->has_pose = true;
@@ -29,6 +29,20 @@ static void fill_instrument(const struct session_output *output, int index,
     wire_extrapolation_from(&extrapolation, out);
     double nearest = instrument->warp.nearest_mm;
     out->nearest_mm = isfinite(nearest) ? (float)nearest : -1;
+}
+
+// If more are present than a reply has room for, they take turns.
+static void fill_instruments(const struct session_output *output, const struct knee_case *knee,
+                             arthron_Reply *out) {
+    int present[INSTRUMENT_COUNT], count = 0;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (output->instruments[i].present)
+            present[count++] = i;
+    bool all = count <= WIRE_REPLY_INSTRUMENTS;
+    int first = all ? 0 : (int)(out->frame_number * WIRE_REPLY_INSTRUMENTS % (unsigned)count);
+    for (int k = 0; k < count && k < WIRE_REPLY_INSTRUMENTS; k++)
+        fill_instrument(output, present[(first + k) % count], knee,
+                        &out->instruments[out->instruments_count++]);
 }
 
 static void fill_corrections(const struct session_output *output, arthron_Reply *out) {
@@ -50,9 +64,7 @@ void reply_from_output(const struct session_output *output, const struct knee_ca
     out->frame_time_ns = frame_time_ns;
     out->state = (arthron_SessionState)output->state;
     out->events = output->events;
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        if (output->instruments[i].present)
-            fill_instrument(output, i, knee, &out->instruments[out->instruments_count++]);
+    fill_instruments(output, knee, out);
     fill_corrections(output, out);
 }
 

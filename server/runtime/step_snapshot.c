@@ -97,7 +97,7 @@ static arthron_BodyMoment body_to_wire(const struct step_snapshot *m, int body) 
 
 static arthron_InstrumentMoment instrument_to_wire(const struct snapshot_instrument *m, int index) {
     return (arthron_InstrumentMoment){
-        .channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index),
+        .channel = (uint8_t)(CHANNEL_FIRST_INSTRUMENT + index),
         .validity = (arthron_Validity)m->validity,
         .has_tip = true,
         .tip = short_pose(m->tip),

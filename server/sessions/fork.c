@@ -103,8 +103,20 @@ static void fill_header(struct fork *f) {
     memcpy(f->header.parent_id, f->restored.header.session_id, sizeof f->header.parent_id);
 }
 
+// The station's channels would be other instruments in the copy.
+static enum result check_instruments(struct fork *f, const char *from, struct error *err) {
+    struct station_status status;
+    station_slot_status(&f->sessions->slots[f->station], &status);
+    if (instruments_equal(&status.instruments, &f->restored.header.settings.instruments))
+        return RESULT_OK;
+    return fail(err, RESULT_REFUSED, "%s: its session had other instruments than station %s", from,
+                station_name(f->sessions, f->station));
+}
+
 static enum result write_trace(struct fork *f, const char *from, struct error *err) {
     struct sessions *s = f->sessions;
+    if (check_instruments(f, from, err) != RESULT_OK)
+        return RESULT_REFUSED;
     fill_header(f);
     enum result result = opening_trace_path(s, &f->header, f->path, err);
     if (result != RESULT_OK)

@@ -27,8 +27,9 @@ struct manager {
     sem_t wake;
     struct task_pool *pool;
     bool drift_warned[STATIONS_MAX], trace_warned[STATIONS_MAX];
-    uint64_t clock_steps[STATIONS_MAX]; // that were told
-    uint64_t excess[STATIONS_MAX];      // frames, as of the last look
+    uint64_t clock_steps[STATIONS_MAX];           // that were told
+    uint64_t ended_for_instruments[STATIONS_MAX]; // serial of the session
+    uint64_t excess[STATIONS_MAX];                // frames, as of the last look
     int64_t excess_told_ns[STATIONS_MAX];
 };
 
@@ -83,6 +84,22 @@ bool manager_opens(const struct sessions *s) {
 void manager_open(struct sessions *s, int station) {
     if (manager_opens(s) && station_slot_claim_needed(&s->slots[station], clock_now_ns()))
         give_task(s, (struct station_task){.sessions = s, .station = station});
+}
+
+// A station that comes back with other instruments gets a new session: in the old one its channels
+// would be others. Once for each session; if the worker has no room, the next round tries again.
+static void end_of_other_instruments(struct sessions *s, int station) {
+    struct station_status status;
+    uint64_t *ended = &s->manager->ended_for_instruments[station];
+    station_slot_status(&s->slots[station], &status);
+    if (!status.connected || status.phase != SLOT_ATTACHED || *ended == status.about.serial ||
+        instruments_equal(&status.instruments, &status.about.instruments))
+        return;
+    if (!runtime_input(s->runtime, station, INPUT_STOP, 0))
+        return;
+    *ended = status.about.serial;
+    log_info("sessions", "station %s has other instruments now: its session ends, another begins",
+             station_name(s, station));
 }
 
 // ---- notices ------------------------------------------------------------------------------------
@@ -193,8 +210,10 @@ static void *manage(void *argument) {
     int64_t round_ns = clock_now_ns() + ROUND_NS;
     while (atomic_load(&s->manager->opens)) {
         take_notices(s);
-        for (int i = 0; i < s->config.station_count; i++)
+        for (int i = 0; i < s->config.station_count; i++) {
+            end_of_other_instruments(s, i);
             manager_open(s, i);
+        }
         if (clock_now_ns() >= round_ns) {
             look_after(s);
             round_ns = clock_now_ns() + ROUND_NS;

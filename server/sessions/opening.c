@@ -60,6 +60,7 @@ void opening_about(struct sessions *s, const struct trace_header *header, int sc
         .start_utc_ns = header->start_utc_ns,
         .start_ns = header->start_ns,
         .strength = header->settings.field.strength,
+        .instruments = header->settings.instruments,
     };
     memcpy(out->id, header->session_id, sizeof out->id);
     snprintf(out->trainee, sizeof out->trainee, "%s", header->trainee);
@@ -92,7 +93,7 @@ void opening_attach(struct sessions *s, int station, struct open_session *sessio
     runtime->serial = about.serial;
     snapshot_begin(&runtime->snapshots, about.serial, header->start_ns);
     runtime->metrics = (struct live_metrics){.session = about.serial, .scene = runtime->scene};
-    metrics_init(&runtime->metrics.metrics, header->optic);
+    metrics_init(&runtime->metrics.metrics, &header->settings.instruments, header->optic);
     session_row_begin(header, trace, &session->row);
     own_traces_note(s, trace);
     recorder_put(s->recorder, &session->row);
@@ -110,6 +111,7 @@ static enum result open_session(struct sessions *s, int station, struct error *e
     station_slot_status(&s->slots[station], &status);
     opening_header(s, station, status.session_id, status.scene, status.strength, status.trainee,
                    &header);
+    header.settings.instruments = status.instruments;
     enum result result = resources_allow_session(err);
     if (result == RESULT_OK)
         result = opening_trace_path(s, &header, path, err);
@@ -122,7 +124,8 @@ static enum result open_session(struct sessions *s, int station, struct error *e
     runtime->trace = trace;
     runtime->scene = s->scenes[status.scene];
     runtime->session = session_create(runtime->scene, &header.settings);
-    runtime->operation = operation_create(runtime->scene, header.settings.rules);
+    runtime->operation =
+        operation_create(runtime->scene, header.settings.rules, &header.settings.instruments);
     opening_attach(s, station, session, &header, status.scene, path);
     return RESULT_OK;
 }

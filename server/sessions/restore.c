@@ -138,7 +138,7 @@ enum result restore_run(const struct sessions *s, const char *path, const double
         trace_reader_destroy(&reader);
         return result;
     }
-    metrics_init(&out->metrics, out->header.optic);
+    metrics_init(&out->metrics, &out->header.settings.instruments, out->header.optic);
     snapshot_begin(&out->snapshots, 0, out->header.start_ns);
     struct rerun *rerun = rerun_create(s->scenes[out->scene], &out->header.settings);
     out->place = trace_reader_place(reader);

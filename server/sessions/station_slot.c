@@ -17,6 +17,7 @@ void station_slot_init(struct station_slot *slot, int scene, const char *trainee
     slot->status.state = SESSION_CLOSED;
     slot->status.scene = scene;
     slot->status.strength = NAN;
+    slot->status.instruments = *instruments_usual();
     snprintf(slot->status.trainee, sizeof slot->status.trainee, "%s", trainee);
 }
 
@@ -179,6 +180,7 @@ bool station_slot_join(struct station_slot *slot, struct control_peer peer,
         s->connection = hello->connection;
         s->calibrated = hello->has_calibration;
         s->calibration = hello->calibration;
+        wire_instruments_to(hello, &s->instruments, NULL); // the connection has checked them
         s->device_count = hello->devices_count;
         memcpy(s->devices, hello->devices, sizeof s->devices);
     }

@@ -32,6 +32,7 @@ struct session_about {
     int64_t start_utc_ns;
     int64_t start_ns; // on its own clock
     double strength;  // of its warp
+    struct instruments instruments;
     char trace[SESSIONS_PATH_MAX];
 };
 
@@ -58,6 +59,7 @@ struct station_status {
     uint64_t connection; // Hello.connection: tells a reconnect from a rival
     bool calibrated;
     arthron_Calibration calibration; // from Hello
+    struct instruments instruments;  // from Hello; of a station that never came: the usual ones
     int device_count;
     arthron_Device devices[WIRE_DEVICES_MAX];
     int64_t rtt_ns, clock_uncertainty_ns;

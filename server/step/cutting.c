@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-// A jaw bites when it has closed so far, a burr and a knife when they have moved so far; a burr
+// A jaw bites when it has closed so far, a burr and a blade when they have moved so far; a burr
 // that stands takes what comes to it so often.
 #define BITE_OPENING 0.2
 #define SHUT_OPENING 0.02
@@ -15,22 +15,13 @@
 #define JUMP_MM 10.0 // no hand moves so far from one step to the next: the move is not swept
 #define PAUSE_NS (NS_PER_S / 2)
 
-#define SHAVER_RUNS 1u // button 0
-
-static bool blade_of_channel(enum channel channel, enum blade_kind *out_kind) {
-    *out_kind = channel == CHANNEL_PUNCH    ? BLADE_PUNCH
-                : channel == CHANNEL_SHAVER ? BLADE_SHAVER
-                                            : BLADE_KNIFE;
-    return channel == CHANNEL_PUNCH || channel == CHANNEL_SHAVER || channel == CHANNEL_KNIFE;
-}
-
 // A handle that is lost neither closes nor runs.
-static bool is_working(enum blade_kind kind, const struct instrument_output *o) {
+static bool is_working(const struct instrument *tool, const struct instrument_output *o) {
     if (!o->present)
         return false;
-    if (kind == BLADE_KNIFE)
+    if (tool->kind == INSTRUMENT_BLADE)
         return true;
-    bool runs = kind == BLADE_PUNCH || o->handle.buttons & SHAVER_RUNS;
+    bool runs = tool->kind == INSTRUMENT_JAW || o->handle.buttons >> tool->button & 1;
     return o->handle_validity != VALIDITY_LOST && runs;
 }
 
@@ -55,55 +46,57 @@ static struct sweep sweep_now(const struct scene_tissue *tissue, const struct sc
     };
 }
 
-static bool is_due(enum blade_kind kind, const struct sweep *from, const struct sweep *to) {
+static bool is_due(enum instrument_kind kind, const struct sweep *from, const struct sweep *to) {
     double way = vec3_distance(from->T_mesh_tip.translation, to->T_mesh_tip.translation);
     double closed = from->opening - to->opening;
-    if (kind == BLADE_PUNCH)
+    if (kind == INSTRUMENT_JAW)
         return closed >= BITE_OPENING || (closed >= SHUT_OPENING && to->opening < SHUT_OPENING);
-    if (kind == BLADE_KNIFE) {
+    if (kind == INSTRUMENT_BLADE) {
         quat a = from->T_mesh_tip.rotation, b = to->T_mesh_tip.rotation;
         return way >= SWEEP_MM || quat_angle(a, b) * DEG_PER_RAD >= SWEEP_DEG;
     }
     return way >= SWEEP_MM || to->time_ns - from->time_ns >= BURR_REST_NS;
 }
 
-static bool starts_anew(enum blade_kind kind, const struct sweep *from, const struct sweep *to) {
+static bool starts_anew(enum instrument_kind kind, const struct sweep *from,
+                        const struct sweep *to) {
     return !from->active || vec3_distance(from->last, to->last) > JUMP_MM ||
-           (kind == BLADE_PUNCH && to->opening >= from->opening);
+           (kind == INSTRUMENT_JAW && to->opening >= from->opening);
 }
 
 // True where the move from sweep to now is to be cut.
-static bool watch(struct sweep *sweep, enum blade_kind kind, const struct sweep *now,
+static bool watch(struct sweep *sweep, const struct instrument *tool, const struct sweep *now,
                   const struct box *box) {
-    double reach = blade_reach_mm(kind);
+    double reach = blade_reach_mm(tool);
     bool near_by = box_has(box, now->T_mesh_tip.translation, reach) ||
                    box_has(box, sweep->T_mesh_tip.translation, reach);
-    if (starts_anew(kind, sweep, now) || !near_by) {
+    if (starts_anew(tool->kind, sweep, now) || !near_by) {
         *sweep = *now;
         return false;
     }
     sweep->last = now->last;
-    return is_due(kind, sweep, now);
+    return is_due(tool->kind, sweep, now);
 }
 
 // ---- strokes ------------------------------------------------------------------------------------
 
-static void watch_stroke(struct stroke *stroke, enum blade_kind kind,
+static void watch_stroke(struct stroke *stroke, const struct instrument *tool,
                          const struct instrument_output *o) {
-    bool opened = kind == BLADE_PUNCH && o->handle.opening >= stroke->closed + BITE_OPENING;
-    if (!is_working(kind, o) || opened)
+    bool opened =
+        tool->kind == INSTRUMENT_JAW && o->handle.opening >= stroke->closed + BITE_OPENING;
+    if (!is_working(tool, o) || opened)
         stroke->active = false;
     stroke->closed = fmin(stroke->closed, o->handle.opening);
 }
 
 // That which a move belongs to.
-static uint32_t stroke_of(struct cutting *cutting, int instrument, enum blade_kind kind,
-                          const struct sweep *to) {
+static uint32_t stroke_of(struct cutting *cutting, int instrument, const struct sweep *to) {
+    bool jaw = cutting->instruments->of[instrument].kind == INSTRUMENT_JAW;
     struct stroke *stroke = &cutting->strokes[instrument];
     bool waits = false;
     for (int t = 0; t < TISSUES_MAX; t++)
         waits |= cutting->waiting[instrument][t].count > 0;
-    bool paused = kind != BLADE_PUNCH && !waits && to->time_ns - stroke->cut_ns > PAUSE_NS;
+    bool paused = !jaw && !waits && to->time_ns - stroke->cut_ns > PAUSE_NS;
     if (!stroke->active || paused)
         *stroke = (struct stroke){++cutting->stroke_count, true, to->opening, to->time_ns};
     return stroke->number;
@@ -127,10 +120,10 @@ void cutting_landed(struct cutting *cutting, uint32_t stroke, int64_t time_ns) {
 
 // ---- moves that wait ----------------------------------------------------------------------------
 
-// A bite is of one place: its moves are not one. Nor are those between which the tip jumped.
+// Those between which the tip jumped are not one.
 static bool can_be_one(const struct waiting_move *a, const struct waiting_move *b) {
     vec3 end = a->move.T_mesh_tip[1].translation, begin = b->move.T_mesh_tip[0].translation;
-    return a->move.kind != BLADE_PUNCH && a->stroke == b->stroke && vec3_distance(end, begin) == 0;
+    return a->stroke == b->stroke && vec3_distance(end, begin) == 0;
 }
 
 // How far the way leaves the straight one, where b's begin is left out.
@@ -148,7 +141,8 @@ static void remove_waiting(struct waiting_moves *w, int first, int count) {
             (size_t)(w->count - first) * sizeof *w->moves);
 }
 
-// Two neighbours whose way bends the least become one. False where there are none.
+// Two neighbours whose way bends the least become one. False where there are none. A bite is of one
+// place: not for a jaw.
 static bool make_room(struct waiting_moves *w) {
     int best = -1;
     for (int i = 0; i + 1 < w->count; i++)
@@ -164,20 +158,22 @@ static bool make_room(struct waiting_moves *w) {
     return true;
 }
 
-static struct blade_move move_of(enum blade_kind kind, const struct sweep *from,
-                                 const struct sweep *to) {
-    return (struct blade_move){
-        kind, {from->T_mesh_tip, to->T_mesh_tip}, {from->opening, to->opening}};
+static struct blade_move move_of(int instrument, const struct sweep *from, const struct sweep *to) {
+    return (struct blade_move){blade_of_instrument(instrument),
+                               {from->T_mesh_tip, to->T_mesh_tip},
+                               {from->opening, to->opening}};
 }
 
 // Returns how many moves are lost: 0 or 1.
-static int let_wait(struct cutting *cutting, int instrument, int tissue, enum blade_kind kind,
-                    const struct sweep *from, const struct sweep *to) {
+static int let_wait(struct cutting *cutting, int instrument, int tissue, const struct sweep *from,
+                    const struct sweep *to) {
     struct waiting_moves *w = &cutting->waiting[instrument][tissue];
-    uint32_t stroke = stroke_of(cutting, instrument, kind, to);
-    if (w->count == CUTTING_WAITING_MAX && !make_room(w))
+    uint32_t stroke = stroke_of(cutting, instrument, to);
+    bool jaw = cutting->instruments->of[instrument].kind == INSTRUMENT_JAW;
+    if (w->count == CUTTING_WAITING_MAX && (jaw || !make_room(w)))
         return 1;
-    w->moves[w->count++] = (struct waiting_move){stroke, from->time_ns, move_of(kind, from, to)};
+    w->moves[w->count++] =
+        (struct waiting_move){stroke, from->time_ns, move_of(instrument, from, to)};
     return 0;
 }
 
@@ -211,25 +207,25 @@ static int watch_instrument(struct cutting *cutting, const struct scene *scene,
                             const struct session_output *out, int instrument,
                             struct due_move *due) {
     const struct instrument_output *o = &out->instruments[instrument];
-    enum blade_kind kind;
+    const struct instrument *tool = &cutting->instruments->of[instrument];
     int lost = 0;
-    if (!blade_of_channel((enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument), &kind))
+    if (!instrument_cuts(tool))
         return 0;
-    watch_stroke(&cutting->strokes[instrument], kind, o);
+    watch_stroke(&cutting->strokes[instrument], tool, o);
     for (int t = 0; t < scene->tissue_count; t++) {
         struct sweep *sweep = &cutting->sweeps[instrument][t];
-        if (!is_working(kind, o)) {
+        if (!is_working(tool, o)) {
             sweep->active = false;
             continue;
         }
         struct sweep now = sweep_now(&scene->tissues[t], scene, out, o);
-        if (!watch(sweep, kind, &now, &scene->tissues[t].box))
+        if (!watch(sweep, tool, &now, &scene->tissues[t].box))
             continue;
         if (!is_cut_at_once(cutting)) {
-            lost += let_wait(cutting, instrument, t, kind, sweep, &now);
+            lost += let_wait(cutting, instrument, t, sweep, &now);
             *sweep = now;
         } else if (!due->from || sweep->time_ns < due->from->time_ns) {
-            *due = (struct due_move){sweep, now, kind, instrument, t};
+            *due = (struct due_move){sweep, now, instrument, t};
         }
     }
     return lost;
@@ -239,7 +235,7 @@ int cutting_watch(struct cutting *cutting, const struct scene *scene,
                   const struct session_output *out) {
     int lost = 0;
     cutting->due = (struct due_move){0};
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    for (int i = 0; i < cutting->instruments->count; i++)
         lost += watch_instrument(cutting, scene, out, i, &cutting->due);
     return lost;
 }
@@ -253,9 +249,9 @@ static bool take_due(struct cutting *cutting, struct job *out_job) {
         return false;
     out_job->kind = JOB_CUT;
     out_job->tissue = due->tissue;
-    out_job->stroke = stroke_of(cutting, due->instrument, due->kind, &due->to);
+    out_job->stroke = stroke_of(cutting, due->instrument, &due->to);
     out_job->move_count = 1;
-    out_job->moves[0] = move_of(due->kind, from, &due->to);
+    out_job->moves[0] = move_of(due->instrument, from, &due->to);
     *from = due->to;
     due->from = NULL;
     return true;

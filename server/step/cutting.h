@@ -13,16 +13,16 @@ struct sweep {
     vec3 last; // where the tip was at the last step
 };
 
-// The cuts that one undo takes back: those of one closing of the jaw, of one press of the shaver's
-// button, or of one pass of the knife.
+// The cuts that one undo takes back: those of one closing of a jaw, of one press of a burr's
+// button, or of one pass of a blade.
 //
 // A stroke ends when the instrument or its handle is lost, the burr stops, or the jaw has opened by
-// 0.2 from where it was closed farthest. A stroke of a burr or a knife also ends after 0.5 s
+// 0.2 from where it was closed farthest. A stroke of a burr or a blade also ends after 0.5 s
 // without a cut: from the last cut that landed and changed the tissue to the next move that cuts.
 struct stroke {
     uint32_t number;
     bool active;
-    double closed; // the jaw's least opening in it
+    double closed; // a jaw's least opening in it
     int64_t cut_ns;
 };
 
@@ -43,7 +43,6 @@ struct waiting_moves {
 struct due_move {
     struct sweep *from; // NULL: none is due
     struct sweep to;
-    enum blade_kind kind;
     int instrument, tissue;
 };
 
@@ -51,9 +50,10 @@ struct cutting {
     struct sweep sweeps[INSTRUMENT_COUNT][TISSUES_MAX];
     struct stroke strokes[INSTRUMENT_COUNT];
     struct waiting_moves waiting[INSTRUMENT_COUNT][TISSUES_MAX];
-    uint32_t stroke_count; // ever begun, so that no two have one number
-    int rules;             // as in session_settings
-    struct due_move due;   // of the step that was watched last
+    uint32_t stroke_count;                 // ever begun, so that no two have one number
+    int rules;                             // as in session_settings
+    const struct instruments *instruments; // of the session
+    struct due_move due;                   // of the step that was watched last
 };
 
 // Ends all sweeps. Waiting moves stay.

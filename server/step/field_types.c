@@ -39,7 +39,7 @@ DEFINE_TYPE(torn_count, int, 1, 0, ADAPTIVE_LIGAMENTS_MAX, "%d", v);
 DEFINE_TYPE(move_count, int, 1, 1, JOB_MOVES_MAX, "%d", v);
 DEFINE_NAMED(state, session_state, 0, SESSION_STATE_COUNT, session_state_name);
 DEFINE_NAMED(validity, validity, 0, VALIDITY_COUNT, validity_name);
-DEFINE_NAMED(blade, blade_kind, 0, BLADE_COUNT, blade_name);
+DEFINE_TYPE(blade, int, 1, 0, BLADE_MOST, "%s", channel_name((enum channel)(v + CHANNEL_PUNCH)));
 DEFINE_NAMED(job, job_kind, JOB_NONE + 1, JOB_KIND_COUNT, job_kind_name);
 DEFINE_NAMED(mode, avatar_mode, 0, AVATAR_MODE_COUNT, avatar_mode_name);
 DEFINE_NAMED(outcome, job_outcome, 0, JOB_OUTCOME_COUNT, job_outcome_name);

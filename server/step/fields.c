@@ -9,12 +9,12 @@
 
 // A field that is added, a channel or a body needs a row here, a line in trace/FORMAT.md and a new
 // TRACE_VERSION.
-_Static_assert(CHANNEL_COUNT == 9 && INSTRUMENT_COUNT == 5 && BODY_COUNT == 3, "channels, bodies");
+_Static_assert(CHANNEL_COUNT == 12 && INSTRUMENT_COUNT == 8 && BODY_COUNT == 3, "channels, bodies");
 _Static_assert(sizeof(struct instrument_output) == 592, "the output of an instrument");
 _Static_assert(sizeof(struct blade_move) == 136, "a move");
 _Static_assert(sizeof(struct job) == 24 + JOB_MOVES_MAX * sizeof(struct blade_move), "a job");
 _Static_assert(sizeof(struct tissue_figures) == 352, "the figures of a tissue");
-_Static_assert(sizeof(struct session_output) == 3912 + sizeof(struct job), "the output of a step");
+_Static_assert(sizeof(struct session_output) == 5696 + sizeof(struct job), "the output of a step");
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "values are copied as they lie");
 _Static_assert(offsetof(pose, translation) == 4 * sizeof(double), "a pose is seven reals");
 
@@ -129,7 +129,7 @@ static const struct member job_members[] = {
 
 static const struct member cut_members[] = {
     ONE_SINCE(4, "job_stroke", bits, struct job, stroke),
-    ONE("job_blade", blade, struct job, moves[0].kind),
+    ONE("job_blade", blade, struct job, moves[0].blade),
 };
 
 static const struct member move_count_member[] = {
@@ -337,7 +337,7 @@ static void take_moves(struct pass *p, struct job *job) {
     for (int i = 0; i < count; i++) {
         name(p, OWNER_MOVE - i, names[i], NULL);
         if (p->task == DECODE)
-            job->moves[i].kind = job->moves[0].kind;
+            job->moves[i].blade = job->moves[0].blade;
         TAKE(p, move_members, &job->moves[i]);
     }
 }
@@ -374,7 +374,8 @@ static void take_output(struct pass *p, struct session_output *o) {
     for (int i = 0; i < BODY_COUNT; i++)
         take_bone(p, o, i);
     take_torn(p, o);
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    int instruments = p->task == LIST ? INSTRUMENT_COUNT : INSTRUMENTS_USUAL + o->described;
+    for (int i = 0; i < instruments; i++)
         take_instrument(p, &o->instruments[i], i);
     take_job(p, &o->job);
     take_landed(p, &o->landed);
@@ -390,14 +391,16 @@ void output_encode(struct writer *w, const struct session_output *output, int ru
     take_output(&p, unchanged(output));
 }
 
-bool output_decode(struct reader *r, int version, int rules, struct session_output *out) {
+bool output_decode(struct reader *r, int version, int rules, int described,
+                   struct session_output *out) {
     struct pass p = {.task = DECODE, .r = r, .version = version, .rules = rules, .good = true};
+    out->described = described;
     take_output(&p, out);
     return p.good;
 }
 
 uint64_t output_hash(uint64_t previous, const struct session_output *output, int rules) {
-    uint8_t data[8192];
+    uint8_t data[10240];
     struct writer w = {data, sizeof data, 0, false};
     write_u64(&w, previous);
     output_encode(&w, output, rules);

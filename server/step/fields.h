@@ -13,9 +13,10 @@
 // session_settings: before rule 2 a job has one move.
 void output_encode(struct writer *writer, const struct session_output *output, int rules);
 
-// *out_output must be zero. `version`: of the trace that has the bytes. FORMAT.md says which values
-// fields get that this version lacks. False if a value is out of its range.
-bool output_decode(struct reader *reader, int version, int rules,
+// *out_output must be zero. `version`: of the trace that has the bytes. `described`: instruments of
+// its session, beside the usual ones. FORMAT.md says which values fields get that this version
+// lacks. False if a value is out of its range.
+bool output_decode(struct reader *reader, int version, int rules, int described,
                    struct session_output *out_output);
 
 // XXH3 (64 bits) of the hash of the step before and of the encoded output.
@@ -23,7 +24,7 @@ uint64_t output_hash(uint64_t previous, const struct session_output *output, int
 
 // ---- names --------------------------------------------------------------------------------------
 
-#define STEP_FIELDS_MAX 1024
+#define STEP_FIELDS_MAX 1280
 #define FIELD_TEXT_MAX 80
 
 // The owner of a field: an instrument from 0, or one of these. The fields of an absent owner are 0.

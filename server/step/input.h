@@ -7,9 +7,9 @@
 // Everything that a session learns comes as an input. Each step has one.
 //
 // One undo takes back a stroke, a series of cuts of one instrument. A stroke ends
-//   of a punch: when its jaw has opened by 0.2 from where it was closed farthest;
-//   of a shaver: when its button is released, or after 0.5 s without a cut;
-//   of a knife: after 0.5 s without a cut;
+//   of a jaw: when it has opened by 0.2 from where it was closed farthest;
+//   of a burr: when its button is released, or after 0.5 s without a cut;
+//   of a blade: after 0.5 s without a cut;
 //   of each: when the instrument is lost, the session is paused, an undo is asked for, or another
 //   instrument cuts.
 // A bite that goes on after that begins a new stroke. The 0.5 s run on the clock of the inputs:

@@ -28,14 +28,17 @@ static void forget_cuts(struct operated_tissue *t) {
     t->cut_count = t->cut_room = 0;
 }
 
-struct operation *operation_create(const struct scene *scene, int rules) {
+struct operation *operation_create(const struct scene *scene, int rules,
+                                   const struct instruments *instruments) {
     struct operation *operation = alloc(1, sizeof *operation);
+    operation->instruments = *instruments;
     operation->count = scene->tissue_count;
     for (int i = 0; i < operation->count; i++) {
         struct operated_tissue *t = &operation->tissues[i];
         t->scene = &scene->tissues[i];
         t->group = &scene->knee->groups[t->scene->group];
         t->rules = rules;
+        t->instruments = &operation->instruments;
         t->now = tissue_state_whole(t->scene, rules, 1);
         if (t->scene->match && rules >= RULES_TOUCH_FITTED)
             t->fitting =
@@ -154,19 +157,21 @@ static uint64_t hash_on(uint64_t before, uint64_t hash) {
 }
 
 // Under older rules all of a bite is where the tip is after it.
-static struct blade_move move_under(int rules, const struct blade_move *move) {
+static struct blade_move move_under(const struct operated_tissue *t,
+                                    const struct blade_move *move) {
     struct blade_move out = *move;
-    if (rules < RULES_WITHOUT_FILMS && move->kind == BLADE_PUNCH)
+    const struct instrument *tool = &t->instruments->of[instrument_of_blade(move->blade)];
+    if (t->rules < RULES_WITHOUT_FILMS && tool->kind == INSTRUMENT_JAW)
         out.T_mesh_tip[0] = move->T_mesh_tip[1];
     return out;
 }
 
 static void cut_move(struct operation *operation, struct operated_tissue *t, uint32_t stroke,
                      const struct blade_move *move, struct job_result *result) {
-    struct past_cut past = {operation->cuts + 1, stroke, move_under(t->rules, move), t->now.figures,
+    struct past_cut past = {operation->cuts + 1, stroke, move_under(t, move), t->now.figures,
                             t->fitting ? fitting_count(t->fitting) : 0};
     keep(t, t->cut_count, stroke);
-    tissue_state_cut(&t->now, t->scene, &past.move, result);
+    tissue_state_cut(&t->now, t->scene, t->instruments, &past.move, result);
     if (result->outcome == JOB_REFUSED)
         t->now.figures.refused++;
     if (result->outcome != JOB_DONE)
@@ -250,7 +255,7 @@ static void make_again(struct operated_tissue *t) {
     while (made < t->cut_count) {
         struct job_result *again = alloc(1, sizeof *again);
         keep(t, made, t->cuts[made].stroke);
-        tissue_state_cut(&t->now, t->scene, &t->cuts[made++].move, again);
+        tissue_state_cut(&t->now, t->scene, t->instruments, &t->cuts[made++].move, again);
         CHECK(again->outcome == JOB_DONE);
         job_result_destroy(&again);
     }

@@ -10,8 +10,9 @@
 
 struct operation;
 
-// The scene must outlive it. rules: of the session (step/settings.h).
-struct operation *operation_create(const struct scene *scene, int rules);
+// The scene must outlive it. rules, instruments: of the session (step/settings.h).
+struct operation *operation_create(const struct scene *scene, int rules,
+                                   const struct instruments *instruments);
 void operation_destroy(struct operation **operation); // NULL inside is fine
 
 // Runs a job. It takes milliseconds and allocates. The caller destroys the result.

@@ -25,6 +25,7 @@ struct operated_tissue {
     const struct scene_tissue *scene;
     const struct case_group *group;
     int rules;
+    const struct instruments *instruments; // of the operation
     struct tissue_state now;
     struct fitting *fitting; // the touch; NULL: by blends, or it never gives way
     double *touch_before;    // of all vertices: before the last job
@@ -36,6 +37,7 @@ struct operated_tissue {
 
 struct operation {
     int count;
+    struct instruments instruments;
     uint64_t cuts; // so many were made, undone ones too
     struct operated_tissue tissues[TISSUES_MAX];
 };

@@ -1,7 +1,7 @@
 // The output of a step.
 #pragma once
 
-#include "base/sample.h"
+#include "base/instrument.h"
 #include "case/case.h"
 #include "step/discrepancy.h"
 #include "step/job.h"
@@ -75,6 +75,7 @@ struct session_output {
     // motion (warp/adaptive.h).
     int torn_count;
     double opening[ADAPTIVE_LIGAMENTS_MAX], share[ADAPTIVE_LIGAMENTS_MAX];
+    int described; // instruments of the session, beside the usual ones
     struct instrument_output instruments[INSTRUMENT_COUNT]; // [channel - CHANNEL_FIRST_INSTRUMENT]
     struct job job;       // to be run; id 0: none. At most one is on its way at any time
     struct landed landed; // at this step

@@ -76,11 +76,14 @@ struct session *session_create(const struct scene *scene, const struct session_s
     CHECK(settings->field.strength >= 0 && settings->field.strength <= 1);
     CHECK(settings->rules >= 1 && settings->rules <= RULES_NEWEST);
     CHECK(settings->hold_ns >= 0);
+    CHECK(settings->instruments.count >= INSTRUMENTS_USUAL &&
+          settings->instruments.count <= INSTRUMENT_COUNT);
     CHECK(settings->ease_share >= 0 && settings->ease_mm_s >= 0);
     struct session *s = alloc(1, sizeof *s);
     s->scene = scene;
     s->settings = *settings;
     s->cutting.rules = settings->rules;
+    s->cutting.instruments = &s->settings.instruments;
     take_surfaces(s);
     forget(s);
     return s;
@@ -360,6 +363,8 @@ static void place_instrument(struct session *s, int instrument, struct session_o
     o->handle_validity = VALIDITY_LOST;
     if (handle) {
         o->handle = handle->handle;
+        o->handle.opening =
+            instrument_opening(&s->settings.instruments.of[instrument], &handle->handle);
         o->handle_validity = handle->validity;
     }
     warp_instrument(s, out, instrument);
@@ -367,7 +372,7 @@ static void place_instrument(struct session *s, int instrument, struct session_o
 
 static uint32_t move_instruments(struct session *s, int64_t passed_ns, struct session_output *out) {
     uint32_t events = 0;
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    for (int i = 0; i < s->settings.instruments.count; i++)
         place_instrument(s, i, out);
     if (ease(s, passed_ns, out))
         for (int i = 0; i < INSTRUMENT_COUNT; i++)
@@ -448,6 +453,7 @@ void session_step(struct session *s, const struct session_input *input,
     out->frame_number = input->kind == INPUT_FRAME ? input->frame.number : 0;
     out->time_ns = s->time_ns;
     out->state = s->state;
+    out->described = s->settings.instruments.count - INSTRUMENTS_USUAL;
     step_bones_place(&s->samples, s->scene->knee, out);
     correct_bones(s, out);
     if (shows_instruments(s))

@@ -27,6 +27,7 @@ struct session_settings session_settings_default(void) {
         .field = field,
         .adaptive = ADAPTIVE_HINGE,
         .avatar = AVATAR_TIP,
+        .instruments = *instruments_usual(),
         .hold_ns = 100 * NS_PER_MS,
         .ease_share = 0.2,
         .ease_mm_s = 2,

@@ -1,7 +1,7 @@
 // Settings of a session: the warp, and how new blends are eased in.
 #pragma once
 
-#include "base/sample.h"
+#include "base/instrument.h"
 #include "warp/adaptive.h"
 #include "warp/avatar.h"
 
@@ -47,6 +47,7 @@ struct session_settings {
     struct field field;
     enum adaptive_kind adaptive;
     enum avatar_mode avatar; // without a portal in the case: tip
+    struct instruments instruments;
     struct instrument_body bodies[INSTRUMENT_COUNT];
     int64_t hold_ns; // how long the last sample is used after its device falls silent
     // A cut's new warp is eased in: in one step the displacement at a tip may change by ease_share
@@ -56,7 +57,7 @@ struct session_settings {
 };
 
 // The newest rules; the integral field with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s;
-// straight instruments with a point every 7 mm of the 49 mm behind the tip.
+// the usual instruments, all of them straight with a point every 7 mm of the 49 mm behind the tip.
 struct session_settings session_settings_default(void);
 
 // Of torn ligaments, by the rules.

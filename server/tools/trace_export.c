@@ -96,6 +96,7 @@ static enum result load_needed(struct trace_export_request *request, struct scen
     enum result result = trace_reader_create(request->export.trace, &reader, err);
     if (result != RESULT_OK)
         return result;
+    instruments_name_channels(&trace_reader_header(reader)->settings.instruments);
     if (request->exr)
         survey_read(reader, show_progress, &survey);
     if (request->csv || request->mcap)

@@ -299,6 +299,7 @@ int command_info(int argc, char **argv) {
     struct error err;
     if (trace_reader_create(file, &reader, &err) != RESULT_OK)
         return failed(argv[0], &err);
+    instruments_name_channels(&trace_reader_header(reader)->settings.instruments);
     struct survey survey;
     survey_read(reader, show_progress, &survey);
     (json ? print_json : print_text)(trace_reader_header(reader), &survey);

@@ -190,6 +190,7 @@ static int replay(const struct replay_request *request) {
     if (trace_reader_create(request->file, &reader, &err) != RESULT_OK)
         return failed("replay", &err);
     const struct trace_header *header = trace_reader_header(reader);
+    instruments_name_channels(&header->settings.instruments);
     struct session_settings settings = header->settings;
     bool other = request->field || request->avatar || request->strength;
     int code;

@@ -176,7 +176,7 @@ static int score(const struct score_request *request) {
         return failed("score", &err);
     }
     struct score s = {.header = trace_reader_header(reader), .knee = knee, .unnamed = err};
-    metrics_init(&s.metrics, optic_of(request, s.header));
+    metrics_init(&s.metrics, &s.header->settings.instruments, optic_of(request, s.header));
     read_steps(reader, &s);
     if (request->json)
         print_json(&s);

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <xxhash.h>
 
-_Static_assert(sizeof(struct session_settings) == 2688, "the settings");
+_Static_assert(sizeof(struct session_settings) == 4896, "the settings");
 _Static_assert(sizeof(struct trace_header) < HEADER_FIELDS_MAX, "a header fits");
 
 static void write_body(struct writer *w, const struct instrument_body *body) {
@@ -36,7 +36,7 @@ static void write_settings(struct writer *w, const struct session_settings *s) {
     write_f64(w, s->field.strength);
     write_u8(w, (uint8_t)s->adaptive);
     write_u8(w, (uint8_t)s->avatar);
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    for (int i = 0; i < INSTRUMENTS_USUAL; i++)
         write_body(w, &s->bodies[i]);
     write_i64(w, s->hold_ns);
     write_f64(w, s->ease_share);
@@ -57,12 +57,58 @@ static void read_settings(struct reader *r, unsigned version, struct session_set
     if (version >= 3) {
         out->adaptive = read_u8(r);
         out->avatar = read_u8(r);
-        for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        for (int i = 0; i < INSTRUMENTS_USUAL; i++)
             read_body(r, &out->bodies[i]);
     }
     out->hold_ns = read_i64(r);
     out->ease_share = read_f64(r);
     out->ease_mm_s = read_f64(r);
+}
+
+// Instruments beyond the usual ones, where there are any: a header without them has the bytes that
+// it had before there were descriptions.
+static void write_described(struct writer *w, const struct session_settings *s) {
+    if (s->instruments.count == INSTRUMENTS_USUAL)
+        return;
+    write_u8(w, (uint8_t)(s->instruments.count - INSTRUMENTS_USUAL));
+    for (int i = INSTRUMENTS_USUAL; i < s->instruments.count; i++) {
+        const struct instrument *one = &s->instruments.of[i];
+        write_text(w, one->name);
+        write_u8(w, (uint8_t)one->kind);
+        write_u8(w, one->cuts);
+        write_u8(w, (uint8_t)(one->button + 1));
+        write_f64(w, one->length_mm);
+        write_f64(w, one->width_mm);
+        write_f64(w, one->thickness_mm);
+        write_f64(w, one->opening_deg);
+        write_u32(w, one->colour);
+        write_body(w, &s->bodies[i]);
+    }
+}
+
+static enum result read_described(struct reader *r, struct session_settings *out,
+                                  struct error *err) {
+    if (r->underflow || r->used == r->size)
+        return RESULT_OK;
+    int count = read_u8(r);
+    for (int i = 0; i < count && !r->underflow; i++) {
+        struct instrument one = {0};
+        read_text(r, one.name, sizeof one.name);
+        one.kind = read_u8(r);
+        one.cuts = read_u8(r);
+        one.button = (int)read_u8(r) - 1;
+        one.length_mm = read_f64(r);
+        one.width_mm = read_f64(r);
+        one.thickness_mm = read_f64(r);
+        one.opening_deg = read_f64(r);
+        one.colour = read_u32(r);
+        if (r->underflow || instruments_add(&out->instruments, &one, err) != RESULT_OK)
+            break;
+        read_body(r, &out->bodies[out->instruments.count - 1]);
+    }
+    if (!r->underflow && (!count || out->instruments.count != INSTRUMENTS_USUAL + count))
+        return count ? RESULT_FORMAT : fail(err, RESULT_FORMAT, "it describes no instrument");
+    return RESULT_OK;
 }
 
 static bool settings_are_valid(const struct session_settings *s) {
@@ -116,6 +162,7 @@ size_t header_encode(const struct trace_header *h, struct chain *chain, uint8_t 
     write_text(&w, h->build);
     write_text(&w, h->libc);
     write_text(&w, h->cpu);
+    write_described(&w, &h->settings);
     struct writer prefix = {out, HEADER_PREFIX, 0, false};
     write_bytes(&prefix, HEADER_MAGIC, 8);
     write_u16(&prefix, TRACE_VERSION);
@@ -189,6 +236,8 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
     read_text(&r, h->build, sizeof h->build);
     read_text(&r, h->libc, sizeof h->libc);
     read_text(&r, h->cpu, sizeof h->cpu);
+    if (read_described(&r, &h->settings, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "its header: ");
     if (r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "its header has not the size of its fields");
     if (h->settings.rules > RULES_NEWEST)

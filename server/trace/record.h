@@ -5,9 +5,9 @@
 
 // Before a payload: u32 size and u8 type. After it: a checksum.
 #define RECORD_PREFIX 5
-#define RECORD_PAYLOAD_MAX 8192
+#define RECORD_PAYLOAD_MAX 10240
 #define TOUCH_PREFIX 17 // before the bytes of a part
-#define TOUCH_PART_MAX (RECORD_PAYLOAD_MAX - TOUCH_PREFIX)
+#define TOUCH_PART_MAX (8192 - TOUCH_PREFIX)
 #define RECORD_MAX (RECORD_PREFIX + RECORD_PAYLOAD_MAX + TRACE_HASH_SIZE)
 
 // Before the fields of a header: magic, u16 version and u32 size. After them: a checksum.
@@ -39,7 +39,8 @@ struct trace_end {
 // The bytes of a step depend on these.
 struct trace_layout {
     unsigned version;
-    int rules; // of the header's settings
+    int rules;     // of the header's settings
+    int described; // instruments, as there
 };
 
 // Each returns the size of the whole record and adds the record to the chain; chain NULL: zeros are

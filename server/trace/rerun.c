@@ -22,7 +22,7 @@ struct rerun {
 struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings) {
     struct rerun *rerun = alloc(1, sizeof *rerun);
     rerun->session = session_create(scene, settings);
-    rerun->operation = operation_create(scene, settings->rules);
+    rerun->operation = operation_create(scene, settings->rules, &settings->instruments);
     return rerun;
 }
 

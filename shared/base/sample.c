@@ -1,24 +1,56 @@
 #include "base/sample.h"
 
+#include "base/check.h"
+
 #include <math.h>
 #include <string.h>
 
-static const char *const channel_names[CHANNEL_COUNT] = {
-    [CHANNEL_JOINT] = "joint",     [CHANNEL_FEMUR] = "femur", [CHANNEL_TIBIA] = "tibia",
-    [CHANNEL_PATELLA] = "patella", [CHANNEL_PROBE] = "probe", [CHANNEL_PUNCH] = "punch",
-    [CHANNEL_SHAVER] = "shaver",   [CHANNEL_KNIFE] = "knife", [CHANNEL_SCOPE] = "scope",
+static const char *const reserved_names[CHANNEL_COUNT] = {
+    [CHANNEL_JOINT] = "joint",
+    [CHANNEL_FEMUR] = "femur",
+    [CHANNEL_TIBIA] = "tibia",
+    [CHANNEL_PATELLA] = "patella",
+    [CHANNEL_PROBE] = "probe",
+    [CHANNEL_PUNCH] = "punch",
+    [CHANNEL_SHAVER] = "shaver",
+    [CHANNEL_KNIFE] = "knife",
+    [CHANNEL_SCOPE] = "scope",
+    [CHANNEL_FIRST_DESCRIBED] = "instrument_6",
+    [CHANNEL_FIRST_DESCRIBED + 1] = "instrument_7",
+    [CHANNEL_LAST_DESCRIBED] = "instrument_8",
 };
 
+#define DESCRIBED (CHANNEL_COUNT - CHANNEL_FIRST_DESCRIBED)
+
+static char given_names[DESCRIBED][CHANNEL_NAME_MAX]; // empty: none
+
 const char *channel_name(enum channel channel) {
-    return (unsigned)channel < CHANNEL_COUNT ? channel_names[channel] : "unknown";
+    if ((unsigned)channel >= CHANNEL_COUNT)
+        return "unknown";
+    if (channel >= CHANNEL_FIRST_DESCRIBED && given_names[channel - CHANNEL_FIRST_DESCRIBED][0])
+        return given_names[channel - CHANNEL_FIRST_DESCRIBED];
+    return reserved_names[channel];
+}
+
+void channel_set_name(enum channel channel, const char *name) {
+    CHECK(channel >= CHANNEL_FIRST_DESCRIBED && channel < CHANNEL_COUNT);
+    CHECK(strlen(name) < CHANNEL_NAME_MAX);
+    strcpy(given_names[channel - CHANNEL_FIRST_DESCRIBED], name);
 }
 
 bool channel_from_name(const char *name, enum channel *out_channel) {
     for (int i = 0; i < CHANNEL_COUNT; i++)
-        if (!strcmp(name, channel_names[i])) {
+        if (!strcmp(name, channel_name((enum channel)i))) {
             *out_channel = (enum channel)i;
             return true;
         }
+    return false;
+}
+
+bool channel_is_reserved(const char *name) {
+    for (int i = 0; i < CHANNEL_COUNT; i++)
+        if (!strcmp(name, reserved_names[i]))
+            return true;
     return false;
 }
 

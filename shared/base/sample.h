@@ -18,14 +18,23 @@ enum channel {
     CHANNEL_SHAVER,
     CHANNEL_KNIFE,
     CHANNEL_SCOPE,
+    CHANNEL_FIRST_DESCRIBED, // of the instruments that a station describes (base/instrument.h)
+    CHANNEL_LAST_DESCRIBED = CHANNEL_FIRST_DESCRIBED + 2,
     CHANNEL_COUNT
 };
 
 #define CHANNEL_FIRST_INSTRUMENT CHANNEL_PROBE
-#define INSTRUMENT_COUNT (CHANNEL_COUNT - CHANNEL_FIRST_INSTRUMENT)
+#define INSTRUMENT_COUNT (CHANNEL_COUNT - CHANNEL_FIRST_INSTRUMENT) // that there may be
 
-const char *channel_name(enum channel channel); // "joint", "probe", ...
+// "joint", "probe", ...; of a described instrument "instrument_6", unless it was named.
+const char *channel_name(enum channel channel);
 bool channel_from_name(const char *name, enum channel *out_channel);
+bool channel_is_reserved(const char *name); // whether it is that of a channel that is not named
+
+// For instruments_name_channels: the name of a described instrument's channel, at most
+// CHANNEL_NAME_MAX - 1 bytes.
+#define CHANNEL_NAME_MAX 24
+void channel_set_name(enum channel channel, const char *name);
 
 enum sample_kind {
     SAMPLE_JOINT,  // the joint's encoders: channel joint

@@ -25,7 +25,7 @@ struct joint_angles wire_joint_to(const arthron_Joint *m) {
 }
 
 static void sample_from(const struct sample *s, arthron_Sample *out) {
-    out->channel = (arthron_Channel)s->channel;
+    out->channel = (uint8_t)s->channel;
     out->validity = (arthron_Validity)s->validity;
     out->device = s->device;
     out->time_ns = s->time_ns;
@@ -111,6 +111,69 @@ enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct erro
     if (!frame_is_valid(out))
         return fail(err, RESULT_INVALID, "frame %llu: a sample is out of its range",
                     (unsigned long long)m->number);
+    return RESULT_OK;
+}
+
+// ---- instruments --------------------------------------------------------------------------------
+
+void wire_instrument_from(const struct instruments *instruments, int index,
+                          arthron_Instrument *out) {
+    const struct instrument *one = &instruments->of[index];
+    *out = (arthron_Instrument){
+        .channel = (uint8_t)(CHANNEL_FIRST_INSTRUMENT + index),
+        .kind = (arthron_Instrument_Kind)one->kind,
+        .cuts = one->cuts,
+        .has_button = one->button >= 0,
+        .button = one->button >= 0 ? (uint32_t)one->button : 0,
+        .length_mm = one->length_mm,
+        .width_mm = one->width_mm,
+        .thickness_mm = one->thickness_mm,
+        .opening_deg = one->opening_deg,
+        .has_colour = one->colour != INSTRUMENT_PLAIN,
+        .colour = one->colour != INSTRUMENT_PLAIN ? one->colour : 0,
+    };
+    memcpy(out->name, one->name, sizeof out->name);
+}
+
+void wire_session_instruments_from(const struct instruments *instruments,
+                                   arthron_LiveSession *out) {
+    out->instruments_count = (pb_size_t)instruments->count;
+    for (int i = 0; i < instruments->count; i++)
+        wire_instrument_from(instruments, i, &out->instruments[i]);
+}
+
+_Static_assert(sizeof((arthron_Instrument *)0)->name == INSTRUMENT_NAME_MAX, "a name fits");
+
+static struct instrument instrument_to(const arthron_Instrument *m) {
+    struct instrument one = {
+        .kind = (enum instrument_kind)m->kind,
+        .cuts = m->cuts,
+        .button = !m->has_button    ? -1
+                  : m->button <= 31 ? (int)m->button
+                                    : 32,
+        .length_mm = m->length_mm,
+        .width_mm = m->width_mm,
+        .thickness_mm = m->thickness_mm,
+        .opening_deg = m->opening_deg,
+        .colour = !m->has_colour                 ? INSTRUMENT_PLAIN
+                  : m->colour < INSTRUMENT_PLAIN ? m->colour
+                                                 : 1u << 24,
+    };
+    memcpy(one.name, m->name, sizeof one.name);
+    return one;
+}
+
+enum result wire_instruments_to(const arthron_Hello *m, struct instruments *out,
+                                struct error *err) {
+    *out = *instruments_usual();
+    for (int i = 0; i < m->instruments_count; i++) {
+        struct instrument one = instrument_to(&m->instruments[i]);
+        if (m->instruments[i].channel != CHANNEL_FIRST_DESCRIBED + i)
+            return fail(err, RESULT_INVALID, "instrument %d has the channel %d, not %d", i,
+                        m->instruments[i].channel, CHANNEL_FIRST_DESCRIBED + i);
+        if (instruments_add(out, &one, err) != RESULT_OK)
+            return RESULT_INVALID;
+    }
     return RESULT_OK;
 }
 

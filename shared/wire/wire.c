@@ -8,11 +8,19 @@
 #include <pb_encode.h>
 #include <string.h>
 
-_Static_assert((int)_arthron_Channel_ARRAYSIZE == CHANNEL_COUNT &&
-                   (int)arthron_Channel_JOINT == CHANNEL_JOINT &&
-                   (int)arthron_Channel_PROBE == CHANNEL_PROBE &&
-                   (int)arthron_Channel_SCOPE == CHANNEL_SCOPE,
-               "channels on the wire are those of base/sample.h");
+_Static_assert(CHANNEL_JOINT == 0 && CHANNEL_PATELLA == 3 && CHANNEL_PROBE == 4 &&
+                   CHANNEL_SCOPE == 8 && CHANNEL_FIRST_DESCRIBED == 9,
+               "channels have the numbers that the schema reserves");
+_Static_assert((int)_arthron_Instrument_Kind_ARRAYSIZE == INSTRUMENT_KIND_COUNT &&
+                   (int)arthron_Instrument_Kind_OPTIC == INSTRUMENT_OPTIC,
+               "kinds on the wire are those of base/instrument.h");
+_Static_assert(sizeof((arthron_Hello){0}.instruments) / sizeof(arthron_Instrument) ==
+                       INSTRUMENTS_DESCRIBED_MAX &&
+                   sizeof((arthron_LiveSession){0}.instruments) / sizeof(arthron_Instrument) ==
+                       INSTRUMENT_COUNT &&
+                   sizeof((arthron_Reply){0}.instruments) / sizeof(arthron_WarpedInstrument) ==
+                       WIRE_REPLY_INSTRUMENTS,
+               "as many instruments as the schema has room for");
 _Static_assert((int)_arthron_Validity_ARRAYSIZE == VALIDITY_COUNT &&
                    (int)arthron_Validity_HELD == VALIDITY_HELD,
                "validities on the wire are those of base/sample.h");
@@ -35,19 +43,22 @@ _Static_assert(arthron_Page_size <= WIRE_PAGE_MAX, "every message of a page is w
 
 // What a repeated message takes besides itself: its tag, and its length in up to two bytes.
 #define REPEATED_OVERHEAD 3
-#define SAMPLE_OVERHEAD 2   // its length is below 128
-#define FRAME_EMPTY_SIZE 18 // number and time
-#define INSTRUMENT_SIZE (arthron_WarpedInstrument_size + REPEATED_OVERHEAD)
+#define CHANNEL_SPARE 1 // a channel is below 128: a byte less than the schema has room for
+#define SAMPLE_OVERHEAD (2 - CHANNEL_SPARE) // its length is below 128
+#define FRAME_EMPTY_SIZE 18                 // number and time
+#define INSTRUMENT_SIZE (arthron_WarpedInstrument_size - CHANNEL_SPARE + REPEATED_OVERHEAD)
 #define COUNTS_SIZE (sizeof((arthron_Reply){0}.event_counts) / sizeof(uint32_t) * 6)
 #define CHALLENGE_SIZE 9
 #define FRAMES_SIZE 12 // lost ones and late ones
 #define REPLY_SIZE                                                                                 \
-    (arthron_Reply_size - COUNTS_SIZE - CHALLENGE_SIZE - FRAMES_SIZE) // these where there is room
-#define REPLY_EMPTY_SIZE (REPLY_SIZE - INSTRUMENT_COUNT * INSTRUMENT_SIZE)
+    (arthron_Reply_size - WIRE_REPLY_INSTRUMENTS * CHANNEL_SPARE - COUNTS_SIZE - CHALLENGE_SIZE -  \
+     FRAMES_SIZE) // these where there is room
+#define REPLY_EMPTY_SIZE (REPLY_SIZE - WIRE_REPLY_INSTRUMENTS * INSTRUMENT_SIZE)
 #define PADDING_OVERHEAD 3
 
-_Static_assert(REPLY_EMPTY_SIZE > 0, "Reply holds every instrument");
-_Static_assert(arthron_Sample_size < 128, "a sample's length takes one byte");
+_Static_assert(REPLY_EMPTY_SIZE > 0, "Reply holds its instruments");
+_Static_assert(CHANNEL_COUNT < 128 && arthron_Sample_size < 128,
+               "a channel and a sample's length take one byte");
 _Static_assert(FRAME_EMPTY_SIZE + FRAME_SAMPLES_MAX * (arthron_Sample_size + SAMPLE_OVERHEAD) +
                        SEAL_OVERHEAD <=
                    WIRE_DATAGRAM_MAX,
@@ -115,8 +126,7 @@ static enum result enum_check(const char *field, int value, int count, struct er
 static enum result frame_check(const arthron_Frame *m, struct error *err) {
     for (int i = 0; i < m->samples_count; i++) {
         const arthron_Sample *s = &m->samples[i];
-        enum result result =
-            enum_check("channel", (int)s->channel, _arthron_Channel_ARRAYSIZE, err);
+        enum result result = enum_check("channel", (int)s->channel, CHANNEL_COUNT, err);
         if (result == RESULT_OK)
             result = enum_check("validity", (int)s->validity, _arthron_Validity_ARRAYSIZE, err);
         if (result != RESULT_OK)
@@ -161,14 +171,14 @@ static enum result lead_check(const arthron_Lead *m, struct error *err) {
 }
 
 static enum result instrument_check(const arthron_WarpedInstrument *m, struct error *err) {
-    enum result result = enum_check("channel", (int)m->channel, _arthron_Channel_ARRAYSIZE, err);
+    enum result result = enum_check("channel", (int)m->channel, CHANNEL_COUNT, err);
     if (result == RESULT_OK)
         result = enum_check("validity", (int)m->validity, _arthron_Validity_ARRAYSIZE, err);
     if (result == RESULT_OK)
         result = enum_check("body", (int)m->body, _arthron_Body_ARRAYSIZE, err);
     if (result != RESULT_OK)
         return result;
-    if (m->channel < arthron_Channel_PROBE)
+    if (m->channel < CHANNEL_FIRST_INSTRUMENT)
         return fail(err, RESULT_FORMAT, "channel is %s, not an instrument",
                     channel_name((enum channel)m->channel));
     if (m->validity == arthron_Validity_LOST)
@@ -207,6 +217,9 @@ static enum result reply_check(const arthron_Reply *m, struct error *err) {
 
 static enum result hello_check(const arthron_Hello *m, struct error *err) {
     const arthron_Calibration *c = &m->calibration;
+    struct instruments all;
+    if (wire_instruments_to(m, &all, err) != RESULT_OK)
+        return RESULT_FORMAT;
     if (!m->has_calibration || (c->residual_mm >= 0 && isfinite(c->residual_mm) &&
                                 c->residual_deg >= 0 && isfinite(c->residual_deg)))
         return RESULT_OK;
@@ -466,14 +479,14 @@ struct avatar_extrapolation wire_extrapolation_to(const arthron_WarpedInstrument
 
 static size_t longest_reply(const arthron_Frame *m) {
     bool there[CHANNEL_COUNT] = {false};
-    size_t size = REPLY_EMPTY_SIZE;
+    int instruments = 0;
     for (int i = 0; i < m->samples_count; i++) {
         int channel = (int)m->samples[i].channel;
-        if (channel >= CHANNEL_FIRST_INSTRUMENT && !there[channel])
-            size += INSTRUMENT_SIZE;
+        instruments += channel >= CHANNEL_FIRST_INSTRUMENT && !there[channel];
         there[channel] = true;
     }
-    return size;
+    int told = instruments < WIRE_REPLY_INSTRUMENTS ? instruments : WIRE_REPLY_INSTRUMENTS;
+    return REPLY_EMPTY_SIZE + (size_t)told * INSTRUMENT_SIZE;
 }
 
 void wire_frame_pad(arthron_Frame *m) {

@@ -4,6 +4,7 @@
 
 #include "arthron.pb.h"
 #include "base/extrapolation.h"
+#include "base/instrument.h"
 #include "base/result.h"
 #include "base/sample.h"
 
@@ -19,13 +20,14 @@
 #define WIRE_VIEW_SUBPROTOCOL "arthron-view.1"
 #define WIRE_LIVE_SUBPROTOCOL "arthron-live.1"
 
-#define WIRE_DEVICES_MAX 16 // in Hello, and so in a sample's index
+#define WIRE_DEVICES_MAX 16      // in Hello, and so in a sample's index
+#define WIRE_REPLY_INSTRUMENTS 5 // in a Reply; where more are present, they take turns
 
 // Largest encoded message of each kind. A longer one is refused before it is decoded.
 #define WIRE_CONTROL_MAX 8192
 #define WIRE_CONSOLE_MAX 65536
 #define WIRE_DATAGRAM_MAX 1452
-#define WIRE_VIEW_MAX 2048
+#define WIRE_VIEW_MAX 4096
 #define WIRE_CHUNK_MAX 33024 // a Control that holds a MeshChunk
 #define WIRE_PAGE_MAX 4096   // a page's message
 
@@ -52,7 +54,7 @@ enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t 
 // refused it; *err says why, and no part of the message may be used. After RESULT_OK
 //   texts are terminated, counts within their arrays, and enums known (a Refusal's unknown reason
 //   becomes UNKNOWN);
-//   a Hello's residuals are not negative;
+//   a Hello's residuals are not negative, and its instruments are good descriptions;
 //   each instrument of a Reply that is not lost has a finite pose and a finite extrapolation;
 //   corrections are poses, a SessionChange's knee is valid, and a CommandReply's joint is finite.
 // The handler of a Command looks up the names in it (stations, cases, sessions, files). A message
@@ -95,6 +97,16 @@ struct avatar_extrapolation wire_extrapolation_to(const arthron_WarpedInstrument
 // can be (a server is no amplifier). Its channels must be known ones. Not for the control
 // connection.
 void wire_frame_pad(arthron_Frame *message);
+
+// Instruments: the described ones of Hello, or all of a session. wire_instruments_to adds them to
+// the usual ones. RESULT_INVALID: a channel is out of turn, or a description is not good
+// (base/instrument.h); the error says which, and why.
+void wire_instrument_from(const struct instruments *instruments, int index,
+                          arthron_Instrument *out_message);
+void wire_session_instruments_from(const struct instruments *instruments,
+                                   arthron_LiveSession *out_session);
+enum result wire_instruments_to(const arthron_Hello *hello, struct instruments *out_instruments,
+                                struct error *err);
 
 // How a case's bones are joined. wire_knee_to takes a decoded message.
 void wire_knee_from(const struct knee_frame *knee, arthron_Knee *out_message);

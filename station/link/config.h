@@ -12,6 +12,7 @@ struct link_config {
     bool datagrams; // false: frames always travel in the control connection
     bool meshes;    // follow those that are cut
     bool visit;     // only asks whether it would be welcome: no session, link_send sends nothing
+    struct instruments instruments; // those beyond the usual ones are described to the server
     int device_count;
     arthron_Device devices[16];
     bool calibrated;

@@ -58,6 +58,7 @@ static void say_hello(struct link *link) {
     if (config->meshes)
         strcpy(hello->capabilities[hello->capabilities_count++], "meshes");
     strcpy(hello->capabilities[hello->capabilities_count++], "path");
+    link_describe(config, hello);
     snprintf(hello->station, sizeof hello->station, "%s", config->station);
     snprintf(hello->software, sizeof hello->software, "%s", config->software);
     hello->devices_count = (pb_size_t)config->device_count;
@@ -101,6 +102,7 @@ static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
     link->control.welcomed = true;
     link->control.meshes = link->config.meshes && names(welcome, "meshes");
     link->control.path = names(welcome, "path");
+    link_take_descriptions(link, names(welcome, "instruments"));
     meshes_set_case(link->meshes, welcome->case_hash);
     atomic_fetch_add(&link->connects, 1);
     pthread_mutex_lock(&link->lock);

@@ -1,6 +1,7 @@
 #include "link/link.h"
 
 #include "base/check.h"
+#include "base/log.h"
 #include "link/link_parts.h"
 
 #include <errno.h>
@@ -139,6 +140,30 @@ static bool send_frame(struct link *link, const arthron_Frame *frame) {
     return send_in_control(link, frame) || sent == UDP_SENT;
 }
 
+// ---- described instruments ----------------------------------------------------------------------
+
+void link_describe(const struct link_config *config, arthron_Hello *hello) {
+    strcpy(hello->capabilities[hello->capabilities_count++], "instruments");
+    for (int i = INSTRUMENTS_USUAL; i < config->instruments.count; i++)
+        wire_instrument_from(&config->instruments, i,
+                             &hello->instruments[hello->instruments_count++]);
+}
+
+void link_take_descriptions(struct link *link, bool taken) {
+    atomic_store(&link->described, taken);
+    if (link->config.instruments.count > INSTRUMENTS_USUAL && !taken)
+        log_warning("link", "the server knows no described instruments: they are left out");
+}
+
+// An older server would refuse the whole frame.
+static void leave_out_described(arthron_Frame *frame) {
+    pb_size_t kept = 0;
+    for (pb_size_t i = 0; i < frame->samples_count; i++)
+        if (frame->samples[i].channel < CHANNEL_FIRST_DESCRIBED)
+            frame->samples[kept++] = frame->samples[i];
+    frame->samples_count = kept;
+}
+
 bool link_send(struct link *link, const struct frame *frame) {
     arthron_Frame message;
     CHECK(frame->number);
@@ -146,6 +171,8 @@ bool link_send(struct link *link, const struct frame *frame) {
         return false;
     follow_connection(link);
     wire_frame_from(frame, &message);
+    if (!atomic_load(&link->described))
+        leave_out_described(&message);
     if (!send_frame(link, &message))
         return false;
     link->sender.waiting[frame->number % FRAMES_REMEMBERED] = frame->number;

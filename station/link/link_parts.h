@@ -81,6 +81,7 @@ struct link {
     struct ring *arrivals;           // control thread to caller: struct arrival
     int arrival_fd;                  // eventfd, signalled behind each arrival
     atomic_bool ready;               // the clock is known and the session is open: frames may go
+    atomic_bool described;           // the server takes the channels of described instruments
     atomic_int path;                 // enum link_path while ready
     atomic_int_fast64_t datagram_ns; // when the last reply came by datagram
     atomic_uint_fast64_t connects, frames_sent, replies, unknown_messages;
@@ -92,6 +93,10 @@ struct link {
 
 // Encodes a message into a queue of struct control_message. False: it is full.
 bool control_push(struct ring *queue, const arthron_Control *message);
+
+// Instruments that are described to the server, and whether it takes their channels.
+void link_describe(const struct link_config *config, arthron_Hello *hello);
+void link_take_descriptions(struct link *link, bool taken);
 
 // Makes the context. The thread then calls control_serve, which returns once link->stopping is set
 // and lws_cancel_service was called.

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/log.h"
 #include "base/number.h"
+#include "loop/config_instruments.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -146,9 +147,14 @@ static const struct setting_key device_keys[] = {
     {0},
 };
 
+static void *find_instrument(void *user, const char *name, struct error *err) {
+    return instrument_section(&((struct station_config *)user)->instruments, name, err);
+}
+
 static const struct setting_section sections[] = {
     {"station", station_keys, find_station},
     {"view", view_keys, find_view},
+    {"instrument NAME", instrument_keys, find_instrument},
     {"device NAME", device_keys, find_device},
     {0},
 };
@@ -160,6 +166,8 @@ static enum result complete(struct station_config *c, struct error *err) {
         return fail(err, RESULT_MISSING, "[station] needs name, server and keys");
     if (!c->device_count)
         return fail(err, RESULT_MISSING, "the config has no [device NAME]");
+    if (instruments_complete(&c->instruments, err) != RESULT_OK)
+        return RESULT_INVALID;
     if (!c->view.token_path[0] &&
         !setting_path(c->keys_dir, "view.token", c->view.token_path, sizeof c->view.token_path))
         return fail(err, RESULT_LIMIT, "[station] keys is too long");
@@ -181,6 +189,7 @@ enum result station_config_load(const char *path, const struct setting_override 
                                 struct error *err) {
     struct station_config *config = alloc(1, sizeof *config);
     config->rate_hz = 200;
+    config->instruments = *instruments_usual();
     config->datagrams = true;
     enum result result = settings_load(path, overrides, override_count, sections, config, err);
     if (result == RESULT_OK) {

@@ -3,9 +3,11 @@
 //   [station]      name, server = HOST:PORT, keys = DIR, rate_hz, datagrams = yes|no,
 //                  calibration = FILE
 //   [view]         port, origins, token = FILE
+//   [instrument NAME]  kind, cuts, button, length_mm, width_mm, thickness_mm, opening_deg, colour
 //   [device NAME]  driver, and the keys of that driver (docs/CONFIG.md)
 #pragma once
 
+#include "base/instrument.h"
 #include "base/result.h"
 #include "device/device.h"
 #include "loop/calibration.h"
@@ -30,12 +32,14 @@ struct station_config {
     struct view_config view;        // port 0: there is none
     char calibration_path[256];     // empty: none is named
     struct calibration calibration; // what is in it; empty where there is no such file yet
+    struct instruments instruments; // described ones behind the usual ones
     int device_count;
     struct station_device devices[STATION_DEVICES_MAX];
 };
 
 // Reads the config and the calibration that it names. Paths in the file are relative to the file's
 // folder. The error names file, line, section and key.
+// The channels of described instruments get their names (channel_set_name).
 // A device's own keys are checked when the device is made. The caller releases it.
 enum result station_config_load(const char *path, const struct setting_override *overrides,
                                 int override_count, struct station_config **out_config,

@@ -275,6 +275,7 @@ struct link_config loop_link_config(const struct station_config *config) {
         .software = "arthron-station " ARTHRON_VERSION,
         .datagrams = config->datagrams,
         .meshes = true,
+        .instruments = config->instruments,
         .device_count = config->device_count,
         .calibrated = config->calibration.count > 0,
     };

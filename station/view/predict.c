@@ -157,6 +157,15 @@ static void note_way(struct predict *p, int64_t sent_ns) {
     p->way_ns = way_ns > p->way_ns ? way_ns : p->way_ns - (p->way_ns - way_ns) / WAY_MEMORY;
 }
 
+// In a full reply instruments may take turns: an answer then counts until its next turn.
+static void forget_unanswered(struct predict *p, const struct sent_frame *sent,
+                              const arthron_Reply *reply) {
+    bool turns = reply->instruments_count == WIRE_REPLY_INSTRUMENTS;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (!turns || !sent->has_tip[i])
+            p->answers[i] = (struct prediction){0};
+}
+
 bool predict_reply(struct predict *p, const arthron_Reply *reply) {
     const struct sent_frame *sent = &p->sent[reply->frame_number % PREDICT_REMEMBERED];
     count_events(p, reply);
@@ -168,7 +177,7 @@ bool predict_reply(struct predict *p, const arthron_Reply *reply) {
     p->answered_ns = sent->time_ns;
     note_way(p, sent->time_ns);
     p->warp_mm = 0;
-    memset(p->answers, 0, sizeof p->answers);
+    forget_unanswered(p, sent, reply);
     for (pb_size_t i = 0; i < reply->instruments_count; i++)
         take_instrument(p, sent, &reply->instruments[i]);
     for (int i = 0; i < BONE_COUNT; i++)
@@ -216,9 +225,10 @@ static arthron_ViewInstrument *shown_instrument(arthron_View *view, enum channel
         if ((enum channel)view->instruments[i].channel == channel)
             return &view->instruments[i];
     arthron_ViewInstrument *out = &view->instruments[view->instruments_count++];
-    *out = (arthron_ViewInstrument){.channel = (arthron_Channel)channel,
+    *out = (arthron_ViewInstrument){.channel = (uint8_t)channel,
                                     .validity = arthron_Validity_LOST,
                                     .warp_validity = arthron_Validity_LOST};
+    snprintf(out->name, sizeof out->name, "%s", channel_name(channel));
     return out;
 }
 

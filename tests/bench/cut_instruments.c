@@ -17,7 +17,7 @@ static vec3 random_vertex(struct random *r, const struct snapshot *surface) {
     }
 }
 
-static void next_move(struct random *r, const struct snapshot *surface, enum blade_kind kind,
+static void next_move(struct random *r, const struct snapshot *surface, int kind,
                       struct blade_move *out) {
     pose from = {random_pose(r, 0).rotation, random_vertex(r, surface)}, to = from;
     to.translation = vec3_add_scaled(to.translation, STEP_MM, random_direction(r));
@@ -26,7 +26,7 @@ static void next_move(struct random *r, const struct snapshot *surface, enum bla
     *out = (struct blade_move){kind, {from, to}, {1, 0}};
 }
 
-static void run(enum blade_kind kind, const struct mesh *mesh, int moves, struct report *report,
+static void run(int kind, const struct mesh *mesh, int moves, struct report *report,
                 struct cut_totals *totals) {
     struct trial trial;
     struct random random = {(uint64_t)kind};
@@ -36,10 +36,10 @@ static void run(enum blade_kind kind, const struct mesh *mesh, int moves, struct
     for (int i = 0; i < moves; i++) {
         struct blade_move move;
         next_move(&random, &trial.now, kind, &move);
-        int count = blade_parts(&move, parts, NULL);
+        int count = blade_parts(instruments_usual(), &move, parts, NULL);
         CHECK(count >= 0);
         trial_cut(&trial, parts, count);
-        cut_count(totals, &trial, blade_name(kind), i);
+        cut_count(totals, &trial, channel_name((enum channel)(kind + CHANNEL_PUNCH)), i);
         if (trial.outcome != CUT_CHANGED)
             continue;
         samples_add(&ms, 1e-6 * (double)trial.took_ns);
@@ -49,7 +49,7 @@ static void run(enum blade_kind kind, const struct mesh *mesh, int moves, struct
             trial_init(&trial, mesh);
         }
     }
-    const char *name = blade_name(kind);
+    const char *name = channel_name((enum channel)(kind + CHANNEL_PUNCH));
     report_figure(report, (double)ms.count, "cuts", "20k/%s/changes", name);
     report_figure(report, samples_quantile(&ms, 0.5), "ms", "20k/%s/p50", name);
     report_figure(report, samples_quantile(&ms, 0.95), "ms", "20k/%s/p95", name);
@@ -62,6 +62,6 @@ static void run(enum blade_kind kind, const struct mesh *mesh, int moves, struct
 
 void cut_instruments(const struct mesh *mesh, int moves, struct report *report,
                      struct cut_totals *totals) {
-    for (int kind = 0; kind < BLADE_COUNT; kind++)
-        run((enum blade_kind)kind, mesh, moves, report, totals);
+    for (int kind = 0; kind <= BLADE_KNIFE; kind++)
+        run(kind, mesh, moves, report, totals);
 }

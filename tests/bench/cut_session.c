@@ -137,8 +137,10 @@ static void feel(const struct scene *scene, const struct hand *hand, double ease
                  struct felt *felt) {
     struct session_settings settings = session_settings_default();
     settings.ease_mm_s = ease_mm_s;
-    struct play play = {
-        session_create(scene, &settings), operation_create(scene, settings.rules), NULL, {0}};
+    struct play play = {session_create(scene, &settings),
+                        operation_create(scene, settings.rules, instruments_usual()),
+                        NULL,
+                        {0}};
     step(&play, &(struct session_input){.kind = INPUT_START});
     vec3 before[2] = {{0}};
     double allowed[2] = {0};

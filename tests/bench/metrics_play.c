@@ -144,7 +144,7 @@ void hands_play(const struct hands_at_work *hands, enum worse worse, uint64_t se
     struct random r = {seed};
     struct sample newest[CHANNEL_COUNT] = {0};
     struct metrics *metrics = alloc(1, sizeof *metrics);
-    metrics_init(metrics, view_optic_usual());
+    metrics_init(metrics, instruments_usual(), view_optic_usual());
     int64_t taken_ns = 0;
     for (int i = -1; i < hands->row_count; i++) {
         struct session_input input = {.kind = i < 0 ? INPUT_START : INPUT_FRAME,

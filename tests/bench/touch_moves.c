@@ -49,7 +49,7 @@ static void note(struct touch_moves *moves, const struct job *job) {
 static void play(const struct scene *scene, const struct motion *motion, struct touch_moves *out) {
     struct session_settings settings = session_settings_default();
     struct session *session = session_create(scene, &settings);
-    struct operation *operation = operation_create(scene, settings.rules);
+    struct operation *operation = operation_create(scene, settings.rules, instruments_usual());
     struct session_output output;
     session_step(session, &(struct session_input){.kind = INPUT_START}, &output);
     for (size_t row = 0; row < motion->row_count; row++) {

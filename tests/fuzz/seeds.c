@@ -145,7 +145,7 @@ static void datagrams(void) {
     seal_destroy(&seal);
     arthron_Reply reply = {.frame_number = 7, .instruments_count = 1};
     const struct avatar_extrapolation extrapolation = {.mode = AVATAR_RIGID, .trust_radius_mm = 1};
-    reply.instruments[0].channel = arthron_Channel_PROBE;
+    reply.instruments[0].channel = CHANNEL_PROBE;
     reply.instruments[0].has_pose = true;
     reply.instruments[0].pose.qw = 1;
     wire_extrapolation_from(&extrapolation, &reply.instruments[0]);
@@ -307,7 +307,7 @@ static void a_cut_trace(void) {
     CHECK(scene_create(&knee, &scene, NULL) == RESULT_OK);
     struct session_settings settings = session_settings_default();
     struct session *session = session_create(scene, &settings);
-    struct operation *operation = operation_create(scene, settings.rules);
+    struct operation *operation = operation_create(scene, settings.rules, instruments_usual());
     struct job_result *result = NULL;
     folder_make(folder);
     snprintf(file, sizeof file, "%s/a.trace", folder);

@@ -28,7 +28,7 @@ static void read_all(const char *path) {
     struct rerun *rerun = rerun_create(boxes(), &trace_reader_header(reader)->settings);
     int64_t time_ns = 0;
     enum result result;
-    metrics_init(&metrics, view_optic_usual());
+    metrics_init(&metrics, instruments_usual(), view_optic_usual());
     while ((result = trace_read(reader, &record, &err)) == RESULT_OK) {
         CHECK(record.type != TRACE_REMARK || remark_is_valid(&record.remark));
         if (record.type != TRACE_STEP && record.type != TRACE_PAST)

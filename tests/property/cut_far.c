@@ -49,7 +49,7 @@ static struct blade_move next_move(struct random *r, const struct cut_mesh *mesh
     to.translation = vec3_add(to.translation, random_in_box(r, 0.5));
     quat turn = quat_from_axis_angle(random_direction(r), random_between(r, 0, 0.05));
     to.rotation = quat_multiply(turn, to.rotation);
-    enum blade_kind kind = (enum blade_kind)(random_bits(r) % BLADE_COUNT);
+    int kind = (int)(random_bits(r) % (BLADE_KNIFE + 1));
     return (struct blade_move){kind, {from, to}, {1, 0.3}};
 }
 
@@ -62,7 +62,7 @@ static double cut(const struct tissue *tissue, const struct blade_move *near_mov
     struct error err;
     for (int i = 0; i < 2; i++)
         move.T_mesh_tip[i].translation = vec3_add(move.T_mesh_tip[i].translation, tissue->at);
-    int count = blade_parts(&move, parts, &err);
+    int count = blade_parts(instruments_usual(), &move, parts, &err);
     if (count < 0)
         fail_msg("%s", err.text);
     *out_outcome = cut_apply(tissue->mesh, parts, count, &change, &err);

@@ -378,7 +378,7 @@ static struct hand start_under(int rules) {
     session_destroy(&h.session);
     operation_destroy(&h.operation);
     h.session = session_create(scene, &settings);
-    h.operation = operation_create(scene, rules);
+    h.operation = operation_create(scene, rules, instruments_usual());
     h.input = (struct session_input){.kind = INPUT_START};
     session_step(h.session, &h.input, &h.out);
     return h;
@@ -479,7 +479,7 @@ static void a_session_that_is_paused_shows_its_instruments(void **state) {
 static void instruments_take_turns(void **state) {
     (void)state;
     struct hand h = hand_start();
-    int jobs[BLADE_COUNT] = {0};
+    int jobs[BLADE_KNIFE + 1] = {0};
     h.channel = CHANNEL_SHAVER;
     h.buttons = 1;
     h.knife_is_there = true;
@@ -489,10 +489,10 @@ static void instruments_take_turns(void **state) {
         h.tip = vec3_add_scaled(middle, 0.3 * way, outward);
         h.knife = vec3_add_scaled(middle, 3 - 0.3 * way, outward);
         step(&h);
-        jobs[h.out.job.moves[0].kind] += h.out.job.id != 0;
+        jobs[h.out.job.moves[0].blade] += h.out.job.id != 0;
         if (h.pending && i % 5 == 4) {
             land(&h);
-            jobs[h.out.job.moves[0].kind] += h.out.job.id != 0;
+            jobs[h.out.job.moves[0].blade] += h.out.job.id != 0;
         }
     }
     assert_true(jobs[BLADE_SHAVER] > 10 && jobs[BLADE_KNIFE] > 10);

@@ -243,7 +243,7 @@ static void a_rigid_instrument_turns_in_the_portal_that_it_goes_through(void **s
     assert_true(scene->knee->portal_count >= 2);
     for (int i = 0; i < 200; i++) {
         int portal = i / 100;
-        enum channel channel = CHANNEL_FIRST_INSTRUMENT + i % INSTRUMENT_COUNT;
+        enum channel channel = CHANNEL_FIRST_INSTRUMENT + i % INSTRUMENTS_USUAL;
         struct joint_angles joint = {.flexion_deg = 45, .varus_deg = -4};
         vec3 aim = vec3_add((vec3){-20, -5, -20}, random_in_box(&r, 8));
         pose T_mockup_femur = somewhere(&r);
@@ -255,7 +255,7 @@ static void a_rigid_instrument_turns_in_the_portal_that_it_goes_through(void **s
         assert_true(axis_misses(o->T_mockup_warped, P) < 1e-6);
         turned += o->discrepancy.tilt_deg > 0.1;
         if (i % 100 == 99) // out, and to the other portal
-            for (int k = 0; k < INSTRUMENT_COUNT; k++)
+            for (int k = 0; k < INSTRUMENTS_USUAL; k++)
                 hold(&h, T_mockup_femur, joint, CHANNEL_FIRST_INSTRUMENT + k, through(1, aim, -20));
     }
     assert_true(turned > 50);

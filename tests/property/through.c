@@ -34,8 +34,8 @@ static double cut(struct operation *operation, uint64_t *out_touch) {
 static void the_touch_of_what_is_gone_lies_down_from_rules_7_on(void **state) {
     (void)state;
     uint64_t touch;
-    struct operation *before = operation_create(scene, RULES_TOUCH_LAID - 1);
-    struct operation *now = operation_create(scene, RULES_TOUCH_LAID);
+    struct operation *before = operation_create(scene, RULES_TOUCH_LAID - 1, instruments_usual());
+    struct operation *now = operation_create(scene, RULES_TOUCH_LAID, instruments_usual());
     double felt_before = cut(before, &touch), felt_now = cut(now, &touch);
     print_message("%.3f of what is gone was felt, and %.3f is\n", felt_before, felt_now);
     assert_true(felt_before > 0.3);
@@ -46,7 +46,7 @@ static void the_touch_of_what_is_gone_lies_down_from_rules_7_on(void **state) {
 
 static void an_undo_brings_back_the_touch_and_the_same_cut_lays_it_down_again(void **state) {
     (void)state;
-    struct operation *operation = operation_create(scene, RULES_NEWEST);
+    struct operation *operation = operation_create(scene, RULES_NEWEST, instruments_usual());
     uint64_t first, again;
     cut(operation, &first);
     struct job_result *result = operation_run(operation, &(struct job){.id = 2, .kind = JOB_UNDO});

@@ -113,7 +113,7 @@ static struct blade_move random_move(struct random *r, const struct cut_mesh *me
     if (random_bits(r) % 4 == 0)
         at.z += 20;
     pose tip = {random_pose(r, 0).rotation, at};
-    struct blade_move move = {.kind = BLADE_SHAVER, .T_mesh_tip = {tip, tip}};
+    struct blade_move move = {.blade = BLADE_SHAVER, .T_mesh_tip = {tip, tip}};
     move.T_mesh_tip[1].translation = vec3_add(at, random_in_box(r, 0.3));
     return move;
 }
@@ -196,7 +196,7 @@ static void undo(struct operation *operation, struct follower *follower, struct 
 // Whoever only made the cuts that stand is in the same state.
 static void assert_as_without_the_undone(const struct operation *operation,
                                          const struct past *past) {
-    struct operation *other = operation_create(scene, RULES_NEWEST);
+    struct operation *other = operation_create(scene, RULES_NEWEST, instruments_usual());
     for (int i = 0; i < past->count; i++)
         assert_int_equal(run(other, NULL, &past->jobs[i]).outcome, JOB_DONE);
     struct print a = print_of(operation), b = print_of(other);
@@ -223,7 +223,7 @@ static void undoing_leads_back_to_the_state_before_each_stroke(void **state) {
     (void)state;
     struct random r = {7};
     struct past *past = calloc(1, sizeof *past);
-    struct operation *operation = operation_create(scene, RULES_NEWEST);
+    struct operation *operation = operation_create(scene, RULES_NEWEST, instruments_usual());
     struct follower follower = follower_start();
     assert_int_equal(scene_tissue_count(scene), TISSUES);
     while (past->count < CUTS) {
@@ -245,7 +245,7 @@ static void strokes_before_a_restore_are_not_undone(void **state) {
     (void)state;
     struct random r = {8};
     struct past *past = calloc(1, sizeof *past);
-    struct operation *operation = operation_create(scene, RULES_NEWEST);
+    struct operation *operation = operation_create(scene, RULES_NEWEST, instruments_usual());
     int of[TISSUES] = {0};
     while (of[0] < 2 || of[1] < 2) {
         int before = past->count;

@@ -87,7 +87,7 @@ static void a_trace_scores_as_its_session_did(void **state) {
     static struct metrics live;
     struct session_settings settings = session_settings_default();
     record_on(case_dir);
-    metrics_init(&live, recorded_optic);
+    metrics_init(&live, instruments_usual(), recorded_optic);
     played_run(&played, &settings, played.motion.row_count, live_step, &live);
     assert_int_equal(score("--json"), 0);
     json_t *root = output_object();

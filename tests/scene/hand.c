@@ -51,7 +51,7 @@ struct hand hand_start(void) {
     struct session_settings settings = session_settings_default();
     settings.field.kind = hand_field;
     struct hand h = {.session = session_create(scene, &settings),
-                     .operation = operation_create(scene, settings.rules),
+                     .operation = operation_create(scene, settings.rules, instruments_usual()),
                      .channel = CHANNEL_PUNCH,
                      .length = 1,
                      .opening = 1};

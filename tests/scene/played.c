@@ -125,7 +125,8 @@ void played_run(const struct played *played, const struct session_settings *sett
                              const struct session_output *output),
                 void *context) {
     struct play play = {session_create(played->scene, settings),
-                        operation_create(played->scene, settings->rules), NULL, each, context};
+                        operation_create(played->scene, settings->rules, instruments_usual()), NULL,
+                        each, context};
     struct session_input input = {.kind = INPUT_START};
     step(&play, &input);
     for (size_t row = 0; row < rows && row < played->motion.row_count; row++) {

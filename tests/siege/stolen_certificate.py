@@ -104,7 +104,7 @@ class Thief:
         now = time.monotonic_ns()
         pose = self.pb.Pose(qw=1, x=10, y=5, z=5)
         frame = self.pb.Frame(number=1, time_ns=now, padding=bytes(380), samples=[
-            self.pb.Sample(channel=self.pb.PROBE, validity=self.pb.OK, time_ns=now, pose=pose)])
+            self.pb.Sample(channel=4, validity=self.pb.OK, time_ns=now, pose=pose)])
         return bytearray(frame.SerializeToString())
 
     def next_frame(self, frame):

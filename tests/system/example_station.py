@@ -43,7 +43,7 @@ class ExampleStation(SystemTest):
         self.program("enrol", self.place, self.code, "room-1", self.folder_of_keys)
         said = self.program("run", self.place, "room-1", self.folder_of_keys, "3")
         self.assertIn("welcome to case arthrosis", said)
-        self.assertIn("PROBE at", said)
+        self.assertIn("probe at", said)
         by_tcp, by_datagram = map(int, re.search(r"(\d+) by TCP, (\d+) by datagram", said.splitlines()[-1]).groups())
         self.assertGreater(by_tcp, 0)
         self.assertGreater(by_datagram, 0)
@@ -74,7 +74,7 @@ class ExampleStation(SystemTest):
 
         def stand():
             while not stop.is_set():
-                station.send([pb.Sample(channel=pb.JOINT, time_ns=time.monotonic_ns(), joint=joint)])
+                station.send([pb.Sample(channel=0, time_ns=time.monotonic_ns(), joint=joint)])
                 station.hear(0.01)
 
         def shown():
@@ -102,7 +102,7 @@ class ExampleStation(SystemTest):
             station.hear(0.01)
         replies = []
         for validity in (pb.OK, pb.LOST) * 3 + (pb.OK,):
-            station.send([pb.Sample(channel=pb.PROBE, validity=validity, time_ns=time.monotonic_ns(),
+            station.send([pb.Sample(channel=4, validity=validity, time_ns=time.monotonic_ns(),
                                     pose=pb.Pose(qw=1, x=200))])
             replies += station.hear(0.03)
         while not replies or replies[-1].frame_number < 7:

@@ -24,8 +24,8 @@ class LateFrames(SystemTest):
     def frame(self, number, buttons=0):
         now = time.monotonic_ns()
         return pb.Frame(number=number, time_ns=now, samples=[
-            pb.Sample(channel=pb.SHAVER, device=0, time_ns=now, pose=pb.Pose(qw=1, x=number, y=200)),
-            pb.Sample(channel=pb.SHAVER, device=0, time_ns=now, handle=pb.Handle(opening=0, buttons=buttons))])
+            pb.Sample(channel=6, device=0, time_ns=now, pose=pb.Pose(qw=1, x=number, y=200)),
+            pb.Sample(channel=6, device=0, time_ns=now, handle=pb.Handle(opening=0, buttons=buttons))])
 
     def send(self, frames):
         """Each is made when its turn comes, if they come from a generator."""

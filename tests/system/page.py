@@ -199,7 +199,8 @@ class Page(Connection):
         v = one(data)
         self.sessions.append({"id": v.get(2, b"").hex(), "station": text(v.get(3)), "trainee": text(v.get(4)),
                               "case": text(v.get(5)), "length_s": long(v.get(8)) / 1e9, "recorded": bool(v.get(9, 0)),
-                              "own_case": text(v.get(10))})
+                              "own_case": text(v.get(10)),
+                              "instruments": {one(i).get(1, 0): text(one(i).get(2)) for n, i in fields(data) if n == 14}})
         if self.sessions[-1]["id"].strip("0") and not self.sessions[-1]["recorded"]:
             self.say(4, b"")  # MeshAsk: nothing is here yet
 

@@ -51,7 +51,9 @@ static void open_worker(struct worker *worker, struct session_runtime *session) 
     *worker =
         (struct worker){.runtime = &runtime, .wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)};
     *session = (struct session_runtime){
-        .serial = 1, .scene = scene, .operation = operation_create(scene, RULES_NEWEST)};
+        .serial = 1,
+        .scene = scene,
+        .operation = operation_create(scene, RULES_NEWEST, instruments_usual())};
     worker->cut_worker = cut_worker_create(worker);
     cut_worker_open(worker->cut_worker, 0, session);
 }

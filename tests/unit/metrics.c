@@ -97,7 +97,7 @@ static void time_runs_while_the_session_does(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     const struct {
         int64_t ms;
         enum session_state state;
@@ -116,8 +116,8 @@ static void a_reset_begins_anew(void **state) {
     (void)state;
     static struct metrics m, untouched;
     static struct moment at;
-    metrics_init(&m, optic);
-    metrics_init(&untouched, optic);
+    metrics_init(&m, instruments_usual(), optic);
+    metrics_init(&untouched, instruments_usual(), optic);
     for (int i = 0; i < 100; i++) {
         moment_init(&at, i * 10 * MS);
         put(&at, PROBE, (vec3){i, 0, 0}, (vec3){i, 0, 0})->warp =
@@ -147,7 +147,7 @@ static void values_count_until_the_next_step_at_any_rate(void **state) {
     for (int period_ms = 1; period_ms <= 50; period_ms *= 5) {
         static struct metrics m;
         static struct moment at;
-        metrics_init(&m, optic);
+        metrics_init(&m, instruments_usual(), optic);
         for (int ms = 0; ms <= 10000; ms += period_ms) {
             moment_init(&at, ms * MS);
             struct instrument_output *o = put(&at, PROBE, (vec3){0, 0, 20}, (vec3){0, 0, 20});
@@ -183,7 +183,7 @@ static void trembling_at_a_threshold_counts_by_where_it_mostly_is(void **state) 
     for (int past = 0; past <= 10; past++) {
         static struct metrics m;
         static struct moment at;
-        metrics_init(&m, optic);
+        metrics_init(&m, instruments_usual(), optic);
         for (int i = 0; i < 2000; i++) {
             moment_init(&at, i * 5 * MS);
             struct instrument_output *o = put(&at, PROBE, (vec3){0}, (vec3){0});
@@ -202,7 +202,7 @@ static void an_old_trace_tells_nothing_of_the_warp(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     for (int i = 0; i < 10; i++) {
         moment_init(&at, i * 10 * MS);
         put(&at, PROBE, (vec3){0}, (vec3){0})->discrepancy = (struct discrepancy){0};
@@ -216,7 +216,7 @@ static void a_hole_in_the_steps_counts_for_little(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     for (int i = 0; i < 2; i++) {
         moment_init(&at, i * 5000 * MS);
         put(&at, PROBE, (vec3){0}, (vec3){0});
@@ -228,10 +228,10 @@ static void a_hole_in_the_steps_counts_for_little(void **state) {
 
 static void without_another_nothing_is_said_of_the_view(void **state) {
     (void)state;
-    for (int instrument = 0; instrument < INSTRUMENT_COUNT; instrument++) {
+    for (int instrument = 0; instrument < INSTRUMENTS_USUAL; instrument++) {
         static struct metrics m;
         static struct moment at;
-        metrics_init(&m, optic);
+        metrics_init(&m, instruments_usual(), optic);
         for (int i = 0; i < 10; i++) {
             moment_init(&at, i * 10 * MS);
             put(&at, instrument, (vec3){0}, (vec3){0});
@@ -249,7 +249,7 @@ static void without_another_nothing_is_said_of_the_view(void **state) {
 static void walk(struct metrics *m, int paused_from_ms, int paused_to_ms) {
     static struct moment at;
     struct random r = {9};
-    metrics_init(m, optic);
+    metrics_init(m, instruments_usual(), optic);
     int64_t late_ns = 0;
     for (int i = 0; i <= 500; i++) {
         int64_t measured_ns = i * 20 * MS;
@@ -294,7 +294,7 @@ static void time_while_the_server_was_down_does_not_count(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     for (int i = 0; i < 200; i++) {
         int64_t down_ns = i < 100 ? 0 : 120 * MS; // so little that it would be bridged
         if (i == 100)
@@ -316,7 +316,7 @@ static void slow_and_short_motion_is_below_its_floor(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     for (int i = 0; i < 1000; i++) {
         moment_init(&at, i * 10 * MS);
         put(&at, PROBE, (vec3){3e-3 * i, 0, 0}, (vec3){30e-3 * i, 0, 0});
@@ -345,7 +345,7 @@ static void jerk_counts_where_it_is_over_the_noise(void **state) {
     for (int over = 0; over < 2; over++) {
         static struct metrics m;
         static struct moment at;
-        metrics_init(&m, optic);
+        metrics_init(&m, instruments_usual(), optic);
         // a (2πf)³ response / √2 of jerk: 2.3 noises where a is 1
         double a = (over ? 1.05 : 0.95) * 2.3 * 258 * sqrt(2) / pow(2 * M_PI, 3) / 0.947;
         for (int i = 0; i < 3000; i++) {
@@ -363,7 +363,7 @@ static void a_lost_or_foreign_sample_moves_nothing(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     for (int i = 0; i < 300; i++) {
         moment_init(&at, i * 10 * MS);
         put(&at, PROBE, (vec3){i, 0, 0}, (vec3){i, 0, 0});
@@ -383,7 +383,7 @@ static void two_hands_count_together(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     for (int i = 0; i <= 1600; i++) {
         double t = 0.01 * i;
         moment_init(&at, i * 10 * MS);
@@ -401,7 +401,7 @@ static void the_last_figures_of_each_tissue_stand(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     for (int i = 1; i <= 3; i++) {
         struct tissue_figures f = {.cuts = (uint32_t)i, .refused = 1};
         f.quality =
@@ -441,7 +441,7 @@ static void undone_cuts_count_and_what_they_took_does_not(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
-    metrics_init(&m, optic);
+    metrics_init(&m, instruments_usual(), optic);
     static const double removed_mm3[] = {5, 9, 5, 0};
     for (int i = 0; i < 4; i++) {
         struct tissue_figures f = {.cuts = i < 2 ? 1 + (uint32_t)i : 3 - (uint32_t)i};
@@ -476,9 +476,9 @@ static void figures_say_what_they_are_about(void **state) {
         const char *text, *without_case;
     } rows[] = {
         {{.instrument = -1, -1, -1, -1, -1, -1}, "", ""},
-        {{.instrument = PROBE, -1, -1, -1, -1, -1}, "probe", "probe"},
-        {{.instrument = SCOPE, 0, -1, -1, -1, -1}, "scope femur", "scope group-0"},
-        {{.instrument = PROBE, 7, 1, -1, -1, -1},
+        {{.instrument = PROBE, -1, -1, -1, -1, -1, "probe"}, "probe", "probe"},
+        {{.instrument = SCOPE, 0, -1, -1, -1, -1, "scope"}, "scope femur", "scope group-0"},
+        {{.instrument = PROBE, 7, 1, -1, -1, -1, "probe"},
          "probe group-7 from 0.5 mm",
          "probe group-7 from 0.5 mm"},
         {{.instrument = -1, -1, -1, 0, 1, 0}, "meniscus_medial body.inner", "tissue-0 body.inner"},

@@ -25,7 +25,7 @@ static int drop_scene(void **state) {
 // A burr half sunk into the middle of the upper face, 2 mm deep, and far from every vertex.
 static void the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face(void **state) {
     (void)state;
-    struct operation *operation = operation_create(scene, RULES_NEWEST);
+    struct operation *operation = operation_create(scene, RULES_NEWEST, instruments_usual());
     pose tip = {quat_identity(), {-25, 0, -11}};
     struct job job = {
         .id = 1, .kind = JOB_CUT, .move_count = 1, .moves = {{BLADE_SHAVER, {tip, tip}, {0}}}};
@@ -39,7 +39,7 @@ static void the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face(voi
 
 static void a_blade_that_cannot_be_made_counts_as_refused(void **state) {
     (void)state;
-    struct operation *operation = operation_create(scene, RULES_NEWEST);
+    struct operation *operation = operation_create(scene, RULES_NEWEST, instruments_usual());
     pose near = {quat_identity(), {-25, 0, -11}}, far = {quat_identity(), {0, 0, 250e3}};
     struct job job = {.id = 1, .kind = JOB_CUT, .move_count = 1};
     for (uint32_t i = 1; i <= 3; i++) {
@@ -88,7 +88,7 @@ static void what_never_gives_way_is_touched_where_it_is_gone(void **state) {
     group->maxcut = NULL;
     assert_int_equal(scene_create(&knee, &still, NULL), RESULT_OK);
     for (int rules = RULES_STILL_TOLD - 1; rules <= RULES_STILL_TOLD; rules++) {
-        struct operation *operation = operation_create(still, rules);
+        struct operation *operation = operation_create(still, rules, instruments_usual());
         pose tip = {quat_identity(), {-25, 0, -11}};
         struct job job = {
             .id = 1, .kind = JOB_CUT, .move_count = 1, .moves = {{BLADE_SHAVER, {tip, tip}, {0}}}};
@@ -126,7 +126,7 @@ static void a_flap_that_tears_let_come_off_is_no_longer_touched(void **state) {
     struct error err;
     assert_ok(case_region_add(&group->lesion.tear, along, 6, &err));
     assert_ok(scene_create(&knee, &torn, &err));
-    struct operation *operation = operation_create(torn, RULES_NEWEST);
+    struct operation *operation = operation_create(torn, RULES_NEWEST, instruments_usual());
     struct job job = {.id = 1, .kind = JOB_CUT, .stroke = 1, .move_count = 1};
     job.moves[0] = burr_down(-31, 0); // beside the tears
     struct job_result *result = operation_run(operation, &job);

@@ -114,7 +114,7 @@ static arthron_Reply reply_to(uint64_t number, const struct moment *m,
         .frame_number = number, .state = arthron_SessionState_RUNNING, .instruments_count = 1};
     arthron_WarpedInstrument *w = &reply.instruments[0];
     *w = (arthron_WarpedInstrument){
-        .channel = arthron_Channel_PROBE, .body = arthron_Body_BODY_TIBIA, .has_pose = true};
+        .channel = CHANNEL_PROBE, .body = arthron_Body_BODY_TIBIA, .has_pose = true};
     pose tip = tip_in_tibia(m);
     w->pose = wire_pose_from(
         avatar_place(extrapolation->mode, extrapolation->portal, &extrapolation->motion, tip));
@@ -399,7 +399,7 @@ static void an_instrument_that_an_answer_leaves_out_has_none(void **state) {
     struct moment m = some_moment(&random);
     struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
     arthron_Reply reply = reply_to(1, &m, &extrapolation), other = reply_to(2, &m, &extrapolation);
-    other.instruments[0].channel = arthron_Channel_KNIFE; // which no frame had
+    other.instruments[0].channel = CHANNEL_KNIFE; // which no frame had
     pass(&m, 1, 1000, true);
     pass(&m, 2, 1000, true);
     predict_reply(predict, &reply);

@@ -120,7 +120,7 @@ static void draw_lines(void) {
     left = 0;
     assert_int_equal(trace_reader_create(path, &reader, NULL), RESULT_OK);
     left = before;
-    metrics_init(&metrics, view_optic_usual());
+    metrics_init(&metrics, instruments_usual(), view_optic_usual());
     enum result result = report_lines_read(reader, &survey, NULL, &lines, &metrics, NULL);
     trace_reader_destroy(&reader);
     assert_told(result, RESULT_OK);

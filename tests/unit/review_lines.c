@@ -55,7 +55,7 @@ static struct report_lines *read_lines(void) {
     assert_int_equal(survey.resumes, 1);
     trace_reader_destroy(&reader);
     assert_int_equal(trace_reader_create(path, &reader, NULL), RESULT_OK);
-    metrics_init(&metrics, view_optic_usual());
+    metrics_init(&metrics, instruments_usual(), view_optic_usual());
     assert_int_equal(report_lines_read(reader, &survey, NULL, lines, &metrics, NULL), RESULT_OK);
     trace_reader_destroy(&reader);
     return lines;

@@ -44,7 +44,7 @@ static void an_instrument_that_is_lost_stands_where_it_was_seen(void **state) {
     assert_int_equal(message.station_number, 3);
     assert_int_equal(message.time_ns, 2 * NS_PER_S);
     assert_int_equal(message.instruments_count, 1);
-    assert_int_equal(message.instruments[0].channel, arthron_Channel_PROBE);
+    assert_int_equal(message.instruments[0].channel, CHANNEL_PROBE);
     assert_int_equal(message.instruments[0].validity, arthron_Validity_LOST);
     assert_float_equal(message.instruments[0].tip.t[2], 3, 0);
     assert_float_equal(message.instruments[0].warped.t[1], 5, 0);

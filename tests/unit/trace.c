@@ -414,8 +414,8 @@ static void every_byte_of_an_output_belongs_to_a_field(void **state) {
         told += (size_t)different;
     }
     // The rest is padding, after enums and counts of the output, in each instrument and in the
-    // moves, and the blade of all moves but the first.
-    assert_int_equal(sizeof before - told, 4 + 4 + INSTRUMENT_COUNT * (3 + 4 + 4 + 4 + 4) + 4 +
+    // moves, the blade of all moves but the first, and the number of described instruments.
+    assert_int_equal(sizeof before - told, 4 + 4 + INSTRUMENT_COUNT * (3 + 4 + 4 + 4 + 4) + 4 + 8 +
                                                4 * (2 * JOB_MOVES_MAX - 1));
 }
 

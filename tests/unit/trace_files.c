@@ -1,5 +1,6 @@
 #include "unit/trace_files.h"
 
+#include "base/check.h"
 #include "random.h"
 #include "step/fields.h"
 #include "test.h"
@@ -145,10 +146,10 @@ static void random_job(struct random *r, struct job *out) {
     if (out->kind != JOB_CUT)
         return;
     out->stroke = (uint32_t)random_bits(r);
-    enum blade_kind blade = random_bits(r) % BLADE_COUNT;
+    int blade = random_bits(r) % (BLADE_KNIFE + 1);
     out->move_count = 1 + (int)(random_bits(r) % JOB_MOVES_MAX);
     for (int i = 0; i < out->move_count; i++) {
-        out->moves[i].kind = blade;
+        out->moves[i].blade = blade;
         for (int k = 0; k < 2; k++) {
             out->moves[i].T_mesh_tip[k] = any_pose(r);
             out->moves[i].opening[k] = any_real(r);
@@ -184,7 +185,8 @@ static void random_output(struct random *r, uint64_t step, int64_t time_ns,
     out->joint = (struct joint_angles){angles.x, angles.y, angles.z, shifts.x, shifts.y, shifts.z};
     out->joint_validity = random_bits(r) % VALIDITY_COUNT;
     random_bones(r, out);
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    out->described = 1;
+    for (int i = 0; i < INSTRUMENTS_USUAL + out->described; i++)
         random_instrument(r, &out->instruments[i]);
     random_job(r, &out->job);
     random_landed(r, &out->landed);
@@ -220,8 +222,17 @@ struct trace_header some_header(void) {
                      .ease_mm_s = 1.5},
         .optic = {70, 85.5},
     };
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    struct session_settings usual = session_settings_default();
+    h.settings.instruments = usual.instruments;
+    memcpy(h.settings.bodies, usual.bodies, sizeof usual.bodies);
+    for (int i = 0; i <= INSTRUMENTS_USUAL; i++)
         h.settings.bodies[i] = (struct instrument_body){2, {{{0, 0, 0}, 0}, {{1, -3, i}, 0.5}}};
+    struct instrument curette = instrument_of_kind(INSTRUMENT_BLADE);
+    strcpy(curette.name, "curette");
+    curette.length_mm = 5;
+    curette.colour = 0xffcc00;
+    enum result result = instruments_add(&h.settings.instruments, &curette, NULL);
+    CHECK(result == RESULT_OK);
     trace_header_set_machine(&h);
     return h;
 }

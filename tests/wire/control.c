@@ -518,7 +518,7 @@ static void a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody(void **s
     reply.message.reply.instruments_count = 5;
     for (int i = 0; i < 5; i++)
         reply.message.reply.instruments[i] =
-            (arthron_WarpedInstrument){.channel = (arthron_Channel)(arthron_Channel_PROBE + i),
+            (arthron_WarpedInstrument){.channel = (uint8_t)(CHANNEL_PROBE + i),
                                        .has_pose = true,
                                        .pose.qw = 1,
                                        .has_lead = true,

@@ -59,7 +59,7 @@ static void close_station(struct station *s) {
 
 static arthron_Frame probe_frame(uint64_t number) {
     arthron_Frame frame = {.number = number, .samples_count = 1};
-    frame.samples[0].channel = arthron_Channel_PROBE;
+    frame.samples[0].channel = CHANNEL_PROBE;
     frame.samples[0].which_value = arthron_Sample_pose_tag;
     frame.samples[0].value.pose.qw = 1;
     return frame;
@@ -132,7 +132,7 @@ static arthron_Reply reply_to(uint64_t number, bool long_one) {
     reply.state = arthron_SessionState_RUNNING;
     reply.instruments_count = 1;
     arthron_WarpedInstrument *w = &reply.instruments[0];
-    w->channel = arthron_Channel_PROBE;
+    w->channel = CHANNEL_PROBE;
     w->has_pose = w->has_lead = true;
     w->pose = (arthron_Pose){0.5, 0.5, 0.5, 0.5, 1, 2, 3};
     w->lead = (arthron_Lead){.v_count = 3, .v = {1, 2, 3}, .slope_count = 9};

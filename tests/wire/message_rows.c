@@ -81,7 +81,7 @@ const struct message_row message_rows[] = {
     LONG("a frame of 1453 bytes", KIND_FRAME, RESULT_LIMIT, "\xa2\x06\xa9\x0b", 1449, 0),
     ROW("a joint and a pose in one sample: the last counts", KIND_FRAME, RESULT_OK,
         "\x1a\x04\x2a\x00\x32\x00"),
-    ROW("channel 9", KIND_FRAME, RESULT_FORMAT, "\x1a\x02\x08\x09"),
+    ROW("channel 12", KIND_FRAME, RESULT_FORMAT, "\x1a\x02\x08\x0c"),
     ROW("channel 2^32 + 1", KIND_FRAME, RESULT_FORMAT, "\x1a\x06\x08\x81\x80\x80\x80\x10"),
     ROW("a pose with half a number", KIND_FRAME, RESULT_FORMAT,
         "\x1a\x07\x32\x05\x09\x01\x02\x03\x04"),

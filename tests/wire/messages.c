@@ -353,13 +353,44 @@ static void assert_control_refused(const arthron_Control *control, const char *t
     free(bytes.bytes);
 }
 
+static void a_bad_description_is_refused(void **state) {
+    (void)state;
+    arthron_Control *m = malloc(sizeof *m);
+    arthron_Instrument *one = &m->message.hello.instruments[0];
+    fill_control(arthron_Control_hello_tag, m);
+    one->channel = CHANNEL_SCOPE; // reserved
+    assert_control_refused(m, "channel 8, not 9");
+    fill_control(arthron_Control_hello_tag, m);
+    one->length_mm = NAN;
+    assert_control_refused(m, "length_mm");
+    fill_control(arthron_Control_hello_tag, m);
+    one->has_button = true;
+    one->button = UINT32_MAX;
+    assert_control_refused(m, "button");
+    fill_control(arthron_Control_hello_tag, m);
+    one->colour = UINT32_MAX;
+    assert_control_refused(m, "colour");
+    fill_control(arthron_Control_hello_tag, m);
+    one->kind = (arthron_Instrument_Kind)5;
+    assert_control_refused(m, "kind");
+    fill_control(arthron_Control_hello_tag, m);
+    strcpy(one->name, "shaver");
+    assert_control_refused(m, "taken");
+    fill_control(arthron_Control_hello_tag, m);
+    m->message.hello.instruments_count = 2;
+    m->message.hello.instruments[1] = *one;
+    m->message.hello.instruments[1].channel = CHANNEL_FIRST_DESCRIBED + 1;
+    assert_control_refused(m, "taken");
+    free(m);
+}
+
 static void numbers_that_are_no_enum_are_refused(void **state) {
     (void)state;
     static const int32_t bad[] = {100, 0x7fffffff, -1};
     arthron_Control *m = malloc(sizeof *m);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         fill_control(arthron_Control_frame_tag, m);
-        m->message.frame.samples[2].channel = (arthron_Channel)bad[i];
+        m->message.frame.samples[2].channel = (uint8_t)bad[i];
         assert_control_refused(m, "sample 2: channel");
         fill_control(arthron_Control_frame_tag, m);
         m->message.frame.samples[15].validity = (arthron_Validity)bad[i];
@@ -440,7 +471,7 @@ static void poses_of_a_reply_that_are_none_are_refused(void **state) {
     m->message.reply.instruments[1].has_pose = false;
     assert_control_refused(m, "instrument 1: pose");
     fill_control(arthron_Control_reply_tag, m);
-    m->message.reply.instruments[3].channel = arthron_Channel_TIBIA;
+    m->message.reply.instruments[3].channel = CHANNEL_TIBIA;
     assert_control_refused(m, "tibia");
     fill_control(arthron_Control_reply_tag, m);
     m->message.reply.corrections[1].correction.qw = NAN;
@@ -632,8 +663,8 @@ static void values_out_of_their_range_do_not_become_a_frame(void **state) {
 
     m = good, m.samples[1].device = WIRE_DEVICES_MAX, assert_not_a_frame(&m);
     m = good, m.samples[1].which_value = 0, assert_not_a_frame(&m);
-    m = good, m.samples[1].channel = arthron_Channel_JOINT, assert_not_a_frame(&m);
-    m = good, m.samples[0].channel = arthron_Channel_PROBE, assert_not_a_frame(&m);
+    m = good, m.samples[1].channel = CHANNEL_JOINT, assert_not_a_frame(&m);
+    m = good, m.samples[0].channel = CHANNEL_PROBE, assert_not_a_frame(&m);
     m = good, m.samples[0].value.joint.flexion_deg = 181, assert_not_a_frame(&m);
     m = good, m.samples[0].value.joint.shift_mm = NAN, assert_not_a_frame(&m);
     m = good, m.samples[1].value.pose.qx += 1, assert_not_a_frame(&m);
@@ -657,6 +688,7 @@ int main(void) {
         cmocka_unit_test(random_changes_do_no_harm),
         cmocka_unit_test(random_bytes_do_no_harm),
         cmocka_unit_test(each_malformed_row_gets_its_answer),
+        cmocka_unit_test(a_bad_description_is_refused),
         cmocka_unit_test(numbers_that_are_no_enum_are_refused),
         cmocka_unit_test(a_console_command_that_is_no_enum_is_refused),
         cmocka_unit_test(a_joint_reading_that_is_no_pose_is_refused),

@@ -51,11 +51,11 @@ arthron_Reply longest_reply(const bool there[CHANNEL_COUNT]) {
                            .state = arthron_SessionState_CLOSED,
                            .events = 0xffffffff};
     for (int channel = CHANNEL_FIRST_INSTRUMENT; channel < CHANNEL_COUNT; channel++) {
-        if (!there[channel])
+        if (!there[channel] || reply.instruments_count == WIRE_REPLY_INSTRUMENTS)
             continue;
         arthron_WarpedInstrument *w = &reply.instruments[reply.instruments_count++];
         *w = (arthron_WarpedInstrument){
-            .channel = (arthron_Channel)channel,
+            .channel = (uint8_t)channel,
             .validity = arthron_Validity_HELD,
             .body = arthron_Body_BODY_PATELLA,
             .has_pose = true,
@@ -95,7 +95,17 @@ static void fill_hello(arthron_Hello *hello) {
                              .connection = 99,
                              .has_calibration = true,
                              .calibration = {1790000000, 0.25, 0.5},
-                             .visit = true};
+                             .visit = true,
+                             .instruments_count = 1,
+                             .instruments = {{.channel = CHANNEL_FIRST_DESCRIBED,
+                                              .name = "curette",
+                                              .kind = arthron_Instrument_Kind_BLADE,
+                                              .cuts = true,
+                                              .length_mm = 4,
+                                              .width_mm = 3,
+                                              .thickness_mm = 0.5,
+                                              .has_colour = true,
+                                              .colour = 0xffcc00}}};
 }
 
 static void fill_keys(arthron_UdpKeys *keys) {

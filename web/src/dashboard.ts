@@ -1,6 +1,7 @@
 // A session on one page: the joint, plots with a common cursor, events, remarks, resection, metrics. It
 // shows any moment of its source, live or recorded.
 import type { Metric } from "wire";
+import { nameOf } from "./instruments";
 import { FLEXION, GAIN, GAIN_LEAST, SPEED, toolAt, VARUS, WARP, WORKING } from "./history";
 import { Panels } from "./panels";
 import { Plots, type PlotRow, type Flag, type Values } from "./plot";
@@ -147,7 +148,7 @@ export class Dashboard {
   private readWorking(): void {
     const { history } = this.source;
     const index = history.indexAt(this.cursor ?? this.shownTime);
-    setText(this.working, text.session.instruments[history.value(index, WORKING)] ?? format.none);
+    setText(this.working, nameOf(history.instruments[history.value(index, WORKING)]) ?? format.none);
   }
 }
 

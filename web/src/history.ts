@@ -1,10 +1,9 @@
-// The moments of a session in typed arrays: one moment is a row of floats (680 bytes). Times are seconds
+// The moments of a session in typed arrays: one moment is a row of floats (680 bytes with the usual instruments). Times are seconds
 // since the session's start.
 import type { InstrumentMoment, Moment, ShortPose, View } from "wire";
+import { FIRST_INSTRUMENT, INSTRUMENTS, isOptic, USUAL, type Instruments } from "./instruments";
 
-export const INSTRUMENTS = 5; // probe, punch, shaver, knife, scope
-export const FIRST_INSTRUMENT = 4; // as a Channel
-export const SCOPE = 4; // of the instruments, from 0
+export { INSTRUMENTS } from "./instruments";
 export const BODIES = 3;
 const POSE = 7; // w, x, y, z; x, y, z
 
@@ -17,7 +16,7 @@ export const INTERNAL = 4;
 const SHIFT = 5;
 const DRAWER = 6;
 const DISTRACTION = 7;
-export const WORKING = 8; // the instrument that is worked with, from 0, the probe; -1: none
+export const WORKING = 8; // the instrument that is worked with, from 0; -1: none
 const FIRST_BODY = 9;
 const FIRST_TOOL = FIRST_BODY + 2 * POSE * BODIES;
 
@@ -38,6 +37,10 @@ export const HAS_WARPED = NEAREST + 8;
 const TOOL_WIDTH = NEAREST + 9;
 
 export const WIDTH = FIRST_TOOL + TOOL_WIDTH * INSTRUMENTS;
+
+function widthOf(instruments: Instruments): number {
+  return FIRST_TOOL + TOOL_WIDTH * instruments.length;
+}
 
 export type Row = Float32Array;
 
@@ -107,13 +110,14 @@ export function pack(moment: Moment, row: Row): void {
 }
 
 // The one that moves; another takes its place where that moves clearly more.
-function working(row: Row): number {
+function working(row: Row, instruments: Instruments): number {
   const speedOf = (instrument: number): number => {
     const at = toolAt(instrument);
     return row[at + SEEN]! < 1 || row[at + SEEN]! - 1 === LOST ? -1 : row[at + SPEED]!;
   };
   let best = row[WORKING]!;
-  for (let instrument = 0; instrument < SCOPE; instrument++) {
+  for (let instrument = 0; instrument < instruments.length; instrument++) {
+    if (isOptic(instruments[instrument])) continue;
     const speed = speedOf(instrument);
     if (best < 0 ? speed >= 0 : speed > 3 + 2 * speedOf(best)) best = instrument;
   }
@@ -158,15 +162,17 @@ export const NEWEST_LIMITS: Limits = { recent: 2 * CHUNK_ROWS, older: 0 };
 
 const LEAST_SPACING_S = 0.125;
 
-// Rows with their times, in chunks.
+// Rows with their times, in chunks. Places behind `width` are not kept: instruments that the session has not.
 class Rows {
   count = 0;
+  private width = widthOf(USUAL);
   private times = new Float64Array(CHUNK_ROWS);
   private readonly chunks: Float32Array[] = [];
 
-  clear(): void {
+  clear(width: number): void {
     this.count = 0;
     this.chunks.length = 0;
+    this.width = width;
   }
 
   push(time: number, row: Row): void {
@@ -175,18 +181,18 @@ class Rows {
       larger.set(this.times);
       this.times = larger;
     }
-    if (this.count === this.chunks.length * CHUNK_ROWS) this.chunks.push(new Float32Array(CHUNK_ROWS * WIDTH));
+    if (this.count === this.chunks.length * CHUNK_ROWS) this.chunks.push(new Float32Array(CHUNK_ROWS * this.width));
     this.times[this.count] = time;
     this.put(this.count++, row);
   }
 
   put(index: number, row: Row): void {
-    this.chunks[Math.floor(index / CHUNK_ROWS)]!.set(row, (index % CHUNK_ROWS) * WIDTH);
+    this.chunks[Math.floor(index / CHUNK_ROWS)]!.set(row.subarray(0, this.width), (index % CHUNK_ROWS) * this.width);
   }
 
   row(index: number): Row {
-    const at = (index % CHUNK_ROWS) * WIDTH;
-    return this.chunks[Math.floor(index / CHUNK_ROWS)]!.subarray(at, at + WIDTH);
+    const at = (index % CHUNK_ROWS) * this.width;
+    return this.chunks[Math.floor(index / CHUNK_ROWS)]!.subarray(at, at + this.width);
   }
 
   time(index: number): number {
@@ -194,7 +200,7 @@ class Rows {
   }
 
   value(index: number, place: number): number {
-    return this.chunks[Math.floor(index / CHUNK_ROWS)]![(index % CHUNK_ROWS) * WIDTH + place]!;
+    return this.chunks[Math.floor(index / CHUNK_ROWS)]![(index % CHUNK_ROWS) * this.width + place]!;
   }
 
   /** Removes the oldest chunk, whose memory the next one takes. */
@@ -218,6 +224,7 @@ class Rows {
 }
 
 export class History {
+  instruments: Instruments = USUAL; // of the session; what is kept of another goes with clear
   /** Seconds between the older moments of a limited history; 0: none has been left out. */
   spacing = 0;
   private readonly older = new Rows();
@@ -232,8 +239,8 @@ export class History {
   }
 
   clear(): void {
-    this.older.clear();
-    this.recent.clear();
+    this.older.clear(widthOf(this.instruments));
+    this.recent.clear(widthOf(this.instruments));
     this.spacing = 0;
     this.last.set(newRow());
   }
@@ -243,7 +250,7 @@ export class History {
     const time = Number(moment.timeNs) * 1e-9;
     if (time < this.end && this.count) return false;
     pack(moment, this.last);
-    this.last[WORKING] = working(this.last);
+    this.last[WORKING] = working(this.last, this.instruments);
     if (this.count && time === this.end) {
       this.recent.put(this.recent.count - 1, this.last);
       return true;
@@ -304,6 +311,8 @@ export class History {
   /** Copies a row; `index` must be one. */
   read(index: number, row: Row): void {
     const recent = index - this.older.count;
-    row.set(recent < 0 ? this.older.row(index) : this.recent.row(recent));
+    const kept = recent < 0 ? this.older.row(index) : this.recent.row(recent);
+    row.set(kept);
+    row.fill(0, kept.length);
   }
 }

@@ -1,7 +1,9 @@
 // What stands over the joint's picture: where to look from, what is shown, colour maps and their legend.
+import type { Instrument } from "wire";
 import { showLegend } from "./legend";
 import type { ColourMap, MapName } from "./scene/colours";
-import { TOOL_COLOURS, type Show } from "./scene/joint";
+import { colourOf, nameOf, type Instruments } from "./instruments";
+import type { Show } from "./scene/joint";
 import { PRESETS, type PresetName } from "./scene/orbit";
 import { text } from "./text";
 import { button, h, select } from "./ui";
@@ -18,7 +20,9 @@ const SWITCHES: Switch[] = ["ghost", "raw", "trails", "seeThrough", "femur", "pa
 export class Toolbar {
   readonly element: HTMLElement;
   private readonly legend = h("div", { class: "legend", hidden: true });
-  private readonly tools = TOOL_COLOURS.map(toolKey);
+  private readonly key = h("ul", { class: "tool-key" });
+  private instruments: Instruments | undefined;
+  private tools: HTMLElement[] = [];
 
   constructor(private show: Show, private readonly actions: ToolbarActions) {
     const presets = PRESETS.map((name, i) =>
@@ -34,11 +38,13 @@ export class Toolbar {
     this.element = h("div", { class: "scene-tools" },
       h("div", { class: "tools-left", role: "group", "aria-label": text.session.views }, h("div", { class: "tool-row" }, ...presets), follow),
       h("div", { class: "tools-right" }, maps, this.switches()),
-      this.legend, h("ul", { class: "tool-key" }, ...this.tools));
+      this.legend, this.key);
   }
 
   /** Whose trails are named: of the instruments that were seen. */
-  showTools(seen: (instrument: number) => boolean): void {
+  showTools(instruments: Instruments, seen: (instrument: number) => boolean): void {
+    if (instruments !== this.instruments) this.key.replaceChildren(...(this.tools = instruments.map(toolKey)));
+    this.instruments = instruments;
     this.tools.forEach((tool, instrument) => (tool.hidden = !seen(instrument)));
   }
 
@@ -72,9 +78,9 @@ export class Toolbar {
 }
 
 // Whose trail is whose.
-function toolKey(colour: number, instrument: number): HTMLElement {
+function toolKey(instrument: Instrument, place: number): HTMLElement {
   const sign = h("i", { "aria-hidden": "true" });
-  sign.style.background = `#${colour.toString(16).padStart(6, "0")}`;
-  return h("li", { hidden: true }, sign, text.session.instruments[instrument]);
+  sign.style.background = `#${colourOf(instrument, place).toString(16).padStart(6, "0")}`;
+  return h("li", { hidden: true }, sign, nameOf(instrument));
 }
 

@@ -6,6 +6,7 @@ import {
   type LiveSession, type Metric, type Moment, type Remark, type Resection,
 } from "wire";
 import { History, LIVE_LIMITS, type Limits } from "./history";
+import { instrumentsOf } from "./instruments";
 import type { Feed, WatchInit } from "./live";
 import type { Tissue } from "./mesh";
 import { LIVE_MESH_BYTES, Meshes, MeshHistory, type Answer } from "./meshes";
@@ -174,6 +175,7 @@ export class FeedSource implements Source {
     const same = !this.recorded && this.session !== undefined && session.caseHash === this.session.caseHash &&
       session.id.join() === this.session.id.join();
     this.session = session;
+    this.history.instruments = instrumentsOf(session.instruments);
     this.trouble = "";
     this.refused = false;
     if (!same) this.clear();

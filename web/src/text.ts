@@ -293,7 +293,6 @@ export const text = {
       contact: "penetration depth, where the tip was",
       mismatch: "left: seen where nothing is touched · right: touched where nothing is seen",
     },
-    instruments: ["Probe", "Punch", "Shaver", "Knife", "Scope"],
     backToLive: "Back to live",
     at: (time: string) => `At ${time}`,
     plots: "Values over time. Left and right move the cursor, Enter shows that moment, Escape removes the cursor.",

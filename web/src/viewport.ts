@@ -177,7 +177,8 @@ export class Viewport {
     const index = history.indexAt(shown);
     if (index < 0) return false;
     history.read(index, this.row);
-    this.toolbar.showTools((instrument) => this.row[toolAt(instrument) + SEEN]! > 0);
+    joint.setInstruments(history.instruments);
+    this.toolbar.showTools(history.instruments, (instrument) => this.row[toolAt(instrument) + SEEN]! > 0);
     joint.setRow(this.row, history.time(index));
     joint.setTrails(history, history.time(index));
     this.overlay?.setTime(shown, this.show.trails);

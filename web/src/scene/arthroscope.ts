@@ -3,7 +3,8 @@
 import {
   Color, CustomToneMapping, HemisphereLight, PerspectiveCamera, Quaternion, Scene, ShaderChunk, SpotLight, type WebGLRenderer,
 } from "three";
-import { HAS_WARPED, LOST, SCOPE, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
+import { HAS_WARPED, LOST, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
+import { isOptic, USUAL, type Instruments } from "../instruments";
 import { Exposure, TONE } from "./exposure";
 import type { MapName } from "./colours";
 import type { Joint, Show } from "./joint";
@@ -23,6 +24,7 @@ export class Arthroscope {
   private readonly scene = new Scene();
   readonly resolution: AdaptiveResolution;
   private readonly turn = new Quaternion(); // of the camera in the tip's frame
+  private instruments: Instruments = USUAL;
   private side = 0; // px of the page
   private ratio = 0; // pixels of the picture for each of those; 0: not sized yet
   private readonly exposure: Exposure;
@@ -74,10 +76,17 @@ export class Arthroscope {
     this.renderer.setSize(this.side, this.side, false);
   }
 
+  setInstruments(instruments: Instruments): void {
+    this.instruments = instruments;
+    this.joint.setInstruments(instruments);
+  }
+
   /** False where the row has no scope, or it is lost: where it was last is no picture of now. */
   draw(row: Row, time: number): boolean {
-    const at = toolAt(SCOPE);
-    if (row[at + SEEN]! < 1 || row[at + SEEN]! - 1 === LOST) return false;
+    const there = (place: number): boolean => row[toolAt(place) + SEEN]! >= 1 && row[toolAt(place) + SEEN]! - 1 !== LOST;
+    const optic = this.instruments.findIndex((one, place) => isOptic(one) && there(place));
+    if (optic < 0) return false;
+    const at = toolAt(optic);
     const pose = at + (row[at + HAS_WARPED] === 1 ? WARPED : TIP);
     this.joint.setRow(row, time);
     this.camera.position.set(row[pose + 4]!, row[pose + 5]!, row[pose + 6]!);

@@ -1,16 +1,15 @@
 // The instruments' shapes, in the tip's frame: the origin in the tip, z along the shaft away from the
-// handle, y the side to which a punch's upper jaw opens and a knife's edge looks. The parts that cut have
-// the sizes that the cuts are made with (server/cut/blade.c).
+// handle, y the side to which an upper jaw opens and a blade's edge looks. The parts that cut have
+// the sizes that the cuts are made with (shared/base/instrument.h).
 import {
   BoxGeometry, BufferAttribute, BufferGeometry, CylinderGeometry, Group, Matrix4, Mesh, SphereGeometry, TorusGeometry, type Material,
 } from "three";
+import { Instrument_Kind, type Instrument } from "wire";
 
 const SHAFT = 130; // mm
 const HANDLE = 34;
-const JAW = 6;
-const JAW_OPEN = (35 * Math.PI) / 180;
+const SHAFT_MOST = 2.5; // its radius behind a jaw or a burr
 const HOOK = 1.7; // how far a probe's hook stands from its shaft's axis
-const BURR = 2;
 const TURNS = 4; // of a burr, each second: as many as the eye can follow
 
 export interface Shape {
@@ -54,37 +53,41 @@ function group(...meshes: Mesh[]): Group {
   return root;
 }
 
-function probe(material: Material): Shape {
+type Make = (instrument: Instrument, material: Material, bright: Material) => Shape;
+
+function probe(_: Instrument, material: Material): Shape {
   const bend = new TorusGeometry(0.7, 0.45, 8, 8, Math.PI / 2).rotateY(Math.PI / 2).translate(0, HOOK - 0.7, -1.15);
   const hook = new CylinderGeometry(0.45, 0.32, HOOK - 0.7, 10).translate(0, (HOOK - 0.7) / 2, -0.45);
   const tip = new SphereGeometry(0.34, 10, 8).translate(0, 0.34, -0.45);
   return still(group(new Mesh(merged(...shaftAndHandle(0.85, -1.1, HOOK), bend, hook, tip), material)));
 }
 
-function punch(material: Material): Shape {
-  const lower = new BoxGeometry(3.5, 0.9, JAW).translate(0, -0.5, -JAW / 2);
-  const nose = new CylinderGeometry(1.75, 1.75, 0.9, 16, 1, false, -Math.PI / 2, Math.PI).translate(0, -0.5, -0.6);
-  const body = new Mesh(merged(...shaftAndHandle(1.75, -JAW - 0.5), lower, nose), material);
-  const upper = new BoxGeometry(3.1, 0.9, JAW + 0.2).translate(0, 0.5, JAW / 2);
+function jaws({ lengthMm: length, widthMm: width, openingDeg }: Instrument, material: Material): Shape {
+  const half = width / 2;
+  const lower = new BoxGeometry(width, 0.9, length).translate(0, -0.5, -length / 2);
+  const nose = new CylinderGeometry(half, half, 0.9, 16, 1, false, -Math.PI / 2, Math.PI).translate(0, -0.5, -0.6);
+  const body = new Mesh(merged(...shaftAndHandle(Math.min(half, SHAFT_MOST), -length - 0.5), lower, nose), material);
+  const upper = new BoxGeometry(width - Math.min(0.4, half), 0.9, length + 0.2).translate(0, 0.5, length / 2);
   const jaw = new Mesh(merged(upper), material);
-  jaw.position.set(0, 0, -JAW);
+  jaw.position.set(0, 0, -length);
   return {
     root: group(body, jaw),
     move: (opening) => {
-      jaw.rotation.x = -opening * JAW_OPEN;
+      jaw.rotation.x = (-opening * openingDeg * Math.PI) / 180;
     },
   };
 }
 
 // The tube is open towards y at its end; in it the burr turns.
-function shaver(material: Material, bright: Material): Shape {
-  const window = new CylinderGeometry(BURR + 0.35, BURR + 0.35, 5, 20, 1, true, Math.PI / 2 + 0.7, 2 * Math.PI - 1.8).rotateX(Math.PI / 2).translate(0, 0, -2.8);
-  const body = new Mesh(merged(...shaftAndHandle(BURR + 0.35, -5.2), window), material);
+function shaver({ widthMm }: Instrument, material: Material, bright: Material): Shape {
+  const radius = widthMm / 2;
+  const window = new CylinderGeometry(radius + 0.35, radius + 0.35, 5, 20, 1, true, Math.PI / 2 + 0.7, 2 * Math.PI - 1.8).rotateX(Math.PI / 2).translate(0, 0, -2.8);
+  const body = new Mesh(merged(...shaftAndHandle(radius + 0.35, -5.2), window), material);
   const teeth = Array.from({ length: 6 }, (_, i) => {
     const angle = (i * Math.PI) / 3;
-    return new BoxGeometry(0.5, 0.5, 2.6).translate(BURR - 0.35, 0, -BURR).applyMatrix4(new Matrix4().makeRotationZ(angle));
+    return new BoxGeometry(0.5, 0.5, 2.6).translate(radius - 0.35, 0, -radius).applyMatrix4(new Matrix4().makeRotationZ(angle));
   });
-  const burr = new Mesh(merged(new SphereGeometry(BURR - 0.2, 16, 12).translate(0, 0, -BURR), tube(1.2, -5, -BURR), ...teeth), bright);
+  const burr = new Mesh(merged(new SphereGeometry(0.9 * radius, 16, 12).translate(0, 0, -radius), tube(0.6 * radius, -5, -radius), ...teeth), bright);
   return {
     root: group(body, burr),
     move: (opening, running, time) => {
@@ -93,13 +96,13 @@ function shaver(material: Material, bright: Material): Shape {
   };
 }
 
-function knife(material: Material, bright: Material): Shape {
-  const blade = new BoxGeometry(0.2, 2.5, 3.5).translate(0, 0, -1.75);
-  const back = new BoxGeometry(0.5, 1.4, 5).translate(0, -0.2, -5.5);
-  return still(group(new Mesh(merged(...shaftAndHandle(1.5, -7.5), back), material), new Mesh(blade, bright)));
+function knife({ lengthMm: length, widthMm: width, thicknessMm }: Instrument, material: Material, bright: Material): Shape {
+  const blade = new BoxGeometry(thicknessMm, width, length).translate(0, 0, -length / 2);
+  const back = new BoxGeometry(Math.max(0.5, thicknessMm), 1.4, 5).translate(0, -0.2, -length - 2);
+  return still(group(new Mesh(merged(...shaftAndHandle(1.5, -length - 4), back), material), new Mesh(blade, bright)));
 }
 
-function scope(material: Material, bright: Material): Shape {
+function scope(_: Instrument, material: Material, bright: Material): Shape {
   const head = new BoxGeometry(13, 13, 20).translate(0, 0, -SHAFT - 8);
   const post = new CylinderGeometry(1.8, 1.8, 14, 12).translate(0, -9, -SHAFT + 8);
   const body = new Mesh(merged(tube(2, -SHAFT, -1.2), tube(4.5, -SHAFT, -SHAFT + 14), head, post), material);
@@ -107,10 +110,15 @@ function scope(material: Material, bright: Material): Shape {
   return still(group(body, lens));
 }
 
-const SHAPES = [probe, punch, shaver, knife, scope];
+const SHAPES: Record<Instrument_Kind, Make> = {
+  [Instrument_Kind.TIP]: probe,
+  [Instrument_Kind.JAW]: jaws,
+  [Instrument_Kind.BURR]: shaver,
+  [Instrument_Kind.BLADE]: knife,
+  [Instrument_Kind.OPTIC]: scope,
+};
 
-/** The shape of an instrument, from 0, the probe; `bright`: of the part that does the work. */
-export function shapeOf(instrument: number, material: Material, bright: Material): Shape {
-  return SHAPES[instrument]!(material, bright);
+/** An instrument by its kind and sizes; `bright`: the material of the part that does the work. */
+export function shapeOf(instrument: Instrument, material: Material, bright: Material): Shape {
+  return SHAPES[instrument.kind](instrument, material, bright);
 }
-

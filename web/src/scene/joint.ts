@@ -6,9 +6,10 @@ import {
   RingGeometry, SphereGeometry, Vector3,
 } from "three";
 import {
-  BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, LOST, NEAREST, OPENING, PENETRATION, SCOPE, SEEN, TIP, toolAt, WARPED,
+  BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, LOST, NEAREST, OPENING, PENETRATION, SEEN, TIP, toolAt, WARPED,
   type History, type Row,
 } from "../history";
+import { colourOf, isOptic, runs, USUAL, type Instruments } from "../instruments";
 import type { Tissue } from "../mesh";
 import type { Knee } from "./anatomy";
 import { MAPS, scaledTo, type ColourMap, type MapName } from "./colours";
@@ -37,8 +38,6 @@ export interface Marker {
   body: number;
   point: { x: number; y: number; z: number };
 }
-
-export const TOOL_COLOURS = [0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7, 0x7a8794]; // Okabe and Ito
 
 export const TRAIL_S = 8;
 export const TRAIL_POINTS = 400;
@@ -73,6 +72,14 @@ function fixed(): Group {
   return group;
 }
 
+function release(root: Object3D): void {
+  root.traverse((node) => {
+    const { geometry, material } = node as Partial<Mesh>;
+    geometry?.dispose();
+    if (material && !Array.isArray(material)) material.dispose();
+  });
+}
+
 export class Joint {
   readonly root = new Group();
   readonly surfaces: Surface[];
@@ -81,6 +88,7 @@ export class Joint {
 
   private readonly bodies = Array.from({ length: BODIES }, () => ({ physical: fixed(), virtual: fixed() }));
   private readonly tools: (Tool | undefined)[] = Array.from({ length: INSTRUMENTS });
+  private instruments: Instruments = USUAL;
   private readonly marker: Group;
   private readonly pieces = new DetachedPieces();
   private show: Show = { ...USUAL_SHOW };
@@ -98,10 +106,20 @@ export class Joint {
 
   dispose(): void {
     for (const surface of this.surfaces) surface.dispose();
-    this.root.traverse((node) => {
-      const { geometry, material } = node as Partial<Mesh>;
-      geometry?.dispose();
-      if (material && !Array.isArray(material)) material.dispose();
+    release(this.root);
+  }
+
+  /** Those of the session. What is shown of others goes. */
+  setInstruments(instruments: Instruments): void {
+    if (instruments === this.instruments) return;
+    this.instruments = instruments;
+    this.tools.forEach((tool, place) => {
+      if (!tool) return;
+      for (const node of [tool.shown.root, tool.raw.root, ...tool.trails]) {
+        release(node);
+        this.root.remove(node);
+      }
+      this.tools[place] = undefined;
     });
   }
 
@@ -153,7 +171,7 @@ export class Joint {
       surface.other.copy(this.bodies[body]!.virtual.matrix).invert().multiply(this.bodies[other]!.virtual.matrix);
       surface.otherPhysical.copy(this.bodies[body]!.physical.matrix).invert().multiply(this.bodies[other]!.physical.matrix);
     }
-    for (let instrument = 0; instrument < INSTRUMENTS; instrument++) this.moveTool(instrument, row, time);
+    for (let instrument = 0; instrument < this.instruments.length; instrument++) this.moveTool(instrument, row, time);
   }
 
   private moveTool(instrument: number, row: Row, time: number): void {
@@ -166,23 +184,24 @@ export class Joint {
     }
     const tool = (this.tools[instrument] ??= this.newTool(instrument));
     const there = seen - 1 !== LOST;
-    const inside = this.inScope && instrument === SCOPE;
+    const inside = this.inScope && isOptic(this.instruments[instrument]);
     tool.shown.root.visible = there && row[at + HAS_WARPED] === 1 && !inside;
     tool.raw.root.visible = there && this.show.raw && !this.inScope;
     setPose(tool.shown.root, row, at + WARPED);
     setPose(tool.raw.root, row, at + TIP);
-    const running = row[at + BUTTONS] !== 0;
+    const running = runs(this.instruments[instrument], row[at + BUTTONS]!);
     tool.shown.move(row[at + OPENING]!, running, time);
     tool.raw.move(row[at + OPENING]!, running, time);
   }
 
   private newTool(instrument: number): Tool {
-    const colour = TOOL_COLOURS[instrument]!;
+    const described = this.instruments[instrument]!;
+    const colour = colourOf(described, instrument);
     const bright = steelMaterial(0xe6ebef);
     const steel = new Color(this.inScope ? 0xd8dfe4 : 0x9aa5ae).lerp(new Color(colour), this.inScope ? 0 : 0.25);
-    const shown = shapeOf(instrument, steelMaterial(steel.getHex()), bright);
+    const shown = shapeOf(described, steelMaterial(steel.getHex()), bright);
     const ghost = steelMaterial(colour, 0.22);
-    const raw = shapeOf(instrument, ghost, ghost);
+    const raw = shapeOf(described, ghost, ghost);
     for (const shape of [shown, raw]) {
       shape.root.matrixAutoUpdate = false;
       this.root.add(shape.root);
@@ -229,7 +248,8 @@ export class Joint {
   measure(row: Row): void {
     const { map } = this.show;
     if (map !== "gain" && map !== "contact") return;
-    for (let instrument = 0; instrument < INSTRUMENTS - 1; instrument++) {
+    for (let instrument = 0; instrument < this.instruments.length; instrument++) {
+      if (isOptic(this.instruments[instrument])) continue;
       const at = toolAt(instrument);
       if (row[at + SEEN]! !== 1 || row[at + HAS_WARPED] !== 1) continue;
       const value = map === "gain" ? row[at + GAIN]! : row[at + PENETRATION]!;

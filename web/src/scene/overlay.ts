@@ -2,6 +2,7 @@
 // a bone of the patient: each is where it was on that bone, also where this joint is bent otherwise.
 import { Group, Matrix4, Vector3, type Line, type Mesh } from "three";
 import { bodyAt, BUTTONS, HAS_WARPED, INSTRUMENTS, LOST, newRow, OPENING, SEEN, toolAt, WARPED, type History } from "../history";
+import { runs } from "../instruments";
 import { shapeOf, type Shape } from "./instruments";
 import { poseMatrix, trail, TRAIL_POINTS, TRAIL_S } from "./joint";
 import { steelMaterial } from "./materials";
@@ -30,7 +31,7 @@ export class Overlay {
     if (last < 0) return;
     this.history.read(last, this.row);
     poseMatrix(this.row, bodyAt(TIBIA, true), bone).invert();
-    for (let instrument = 0; instrument < INSTRUMENTS; instrument++) this.move(instrument, this.history.time(last));
+    for (let instrument = 0; instrument < this.history.instruments.length; instrument++) this.move(instrument, this.history.time(last));
     if (trails) this.setTrails(last);
     for (const tool of this.tools) if (tool) tool.trail.visible = trails;
   }
@@ -56,12 +57,12 @@ export class Overlay {
     shape.root.visible = row[at + SEEN]! - 1 !== LOST && row[at + HAS_WARPED] === 1;
     shape.root.matrix.multiplyMatrices(bone, poseMatrix(row, at + WARPED, pose));
     shape.root.matrixWorldNeedsUpdate = true;
-    shape.move(row[at + OPENING]!, row[at + BUTTONS] !== 0, time);
+    shape.move(row[at + OPENING]!, runs(this.history.instruments[instrument], row[at + BUTTONS]!), time);
   }
 
   private newTool(instrument: number): { shape: Shape; trail: Line } {
     const steel = steelMaterial(COMPANION, 0.35);
-    const shape = shapeOf(instrument, steel, steel);
+    const shape = shapeOf(this.history.instruments[instrument]!, steel, steel);
     shape.root.matrixAutoUpdate = false;
     shape.root.renderOrder = 4;
     const line = trail(COMPANION, 0.9);

@@ -233,6 +233,7 @@ class Scope {
     const remark = markerAt(this.source, Infinity);
     joint.setMarker(remark?.point && { body: remark.body, point: remark.point });
     const more = joint.paint(now);
+    optic.setInstruments(this.source.history.instruments);
     const seen = optic.draw(this.near, now / 1000);
     this.drawn.set(this.near);
     this.dirty = false;

@@ -205,7 +205,7 @@ static enum result move_file(const char *path, const char *to, const char *more,
 static enum result put_aside(const char *path, char *out_aside, struct error *err) {
     out_aside[0] = '\0';
     if (access(path, F_OK))
-        return RESULT_OK;
+        return errno == ENOENT ? RESULT_OK : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     enum result result = settle(path, err);
     if (result == RESULT_OK)
         result = free_name(path, out_aside, STORE_TEXT_MAX, err);
@@ -230,8 +230,10 @@ static enum result tell_audit(const char *path, const char *actor, struct error 
 // Root may put it back for the user that the server runs as.
 static enum result keep_owner(const char *fresh, const char *path, struct error *err) {
     struct stat status;
-    if (geteuid() != 0 || stat(path, &status) != 0)
+    if (geteuid() != 0)
         return RESULT_OK;
+    if (stat(path, &status) != 0)
+        return errno == ENOENT ? RESULT_OK : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     if (chown(fresh, status.st_uid, status.st_gid) == 0)
         return RESULT_OK;
     return fail(err, RESULT_IO, "%s: %s", fresh, strerror(errno));

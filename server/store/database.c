@@ -274,7 +274,8 @@ enum result store_open(const char *path, enum store_mode mode, const char *actor
     store->lock_fd = -1;
     enum result result = RESULT_OK;
     if (mode == STORE_THERE && access(path, F_OK))
-        result = fail(err, RESULT_MISSING, "%s: this file does not exist", path);
+        result = errno == ENOENT ? fail(err, RESULT_MISSING, "%s: this file does not exist", path)
+                                 : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     if (result == RESULT_OK)
         result = database_lock(path, false, &store->lock_fd, err);
     if (result == RESULT_OK)

@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #define GOODBYE_US (500 * LWS_US_PER_MS)
+#define LOOK_AGAIN_US LWS_US_PER_SEC
 #define UNSENT_MAX 16384
 #define ENOUGH_DESCRIPTORS 1024
 #define SHARES 5 // stations, traces, browsers, the console, all else
@@ -29,7 +30,7 @@ struct ws_server {
     atomic_bool woken, stopping;
     // The thread's.
     bool stops, out_of_time;
-    lws_sorted_usec_list_t goodbye;
+    lws_sorted_usec_list_t goodbye, turn;
 };
 
 // ---- the thread ---------------------------------------------------------------------------------
@@ -50,9 +51,16 @@ static bool is_over(const struct ws_server *server) {
     return server->stops && (server->out_of_time || !h->is_empty || h->is_empty(h->user));
 }
 
+// libwebsockets goes on without the descriptor that wakes it, where the system gives none.
+static void look_again(lws_sorted_usec_list_t *turn) {
+    struct ws_server *server = lws_container_of(turn, struct ws_server, turn);
+    lws_sul_schedule(server->context, 0, turn, look_again, LOOK_AGAIN_US);
+}
+
 static void *serve(void *argument) {
     struct ws_server *server = argument;
     const struct ws_server_handler *h = &server->handler;
+    look_again(&server->turn);
     while (!is_over(server)) {
         lws_service(server->context, 0);
         bool woken = atomic_exchange(&server->woken, false);

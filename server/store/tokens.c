@@ -132,7 +132,8 @@ enum result store_find_code(struct store *store, const char *hash, struct store_
     sqlite3_stmt *statement;
     enum result result = store_prepare(
         store,
-        "SELECT NULL, NULL, NULL, NULL, t.id, t.name, k.id FROM token k JOIN trainee t ON "
+        "SELECT NULL, NULL, NULL, NULL, t.id, t.name, (SELECT max(id) FROM audit), k.id "
+        "FROM token k JOIN trainee t ON "
         "t.id = k.trainee_id WHERE k.hash = ? AND k.until_utc_ns > ? AND "
         "k.kind = 'code'",
         &statement, err, "ti", hash, clock_utc_ns());

@@ -102,6 +102,7 @@ class Process:
             if signal_number == signal.SIGKILL:
                 self.statuses.add(-signal.SIGKILL)
             self.process.send_signal(signal_number)
+            self.process.send_signal(signal.SIGCONT)  # one that is stopped would not hear it
         return self.process.wait(timeout=PATIENCE_S)
 
     def wrong_end(self):

@@ -128,7 +128,7 @@ class Tree(unittest.TestCase):
 
         def configure(tree):
             subprocess.run(["docker/packages/fresh-build-folder", "build/release"], cwd=tree, check=True, capture_output=True)
-            return subprocess.run(["cmake", "-S", ".", "-B", "build/release"], cwd=tree, capture_output=True).returncode
+            return subprocess.run(["cmake", "-G", "Ninja", "-S", ".", "-B", "build/release"], cwd=tree, capture_output=True).returncode
 
         self.assertEqual(configure(self.tree), 0)
         kept = write(os.path.join(self.tree, "build/release/kept"), "")

@@ -250,7 +250,7 @@ static void a_page_that_takes_nothing_makes_room_for_others(void **state) {
 // Each takes a batch now and then, but less than its share.
 static void a_page_that_takes_little_makes_room_for_others(void **state) {
     (void)state;
-    enum { PATIENCE_MS = 250, PAUSE_MS = 200 };
+    enum { PATIENCE_MS = 200, PAUSE_MS = 300 };
     struct sessions *sessions = hall_open();
     struct live_server *live = open_live(sessions, PATIENCE_MS);
     struct page slow[PLAYBACKS_OF_TRAINEES], last;

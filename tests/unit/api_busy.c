@@ -18,16 +18,16 @@
 
 static struct error err;
 
+// ---- memory -------------------------------------------------------------------------------------
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // they map what they like
+#define MIB ((rlim_t)1 << 20)
+
 static void set_password(const char *account, const char *encoded) {
     struct store *store = api_store();
     assert_int_equal(store_set_password(store, account, encoded, &err), RESULT_OK);
     store_close(&store);
 }
-
-// ---- memory -------------------------------------------------------------------------------------
-
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // they map what they like
-#define MIB ((rlim_t)1 << 20)
 
 static void limit_memory(rlim_t more) {
     struct rlimit limit;

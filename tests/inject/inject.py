@@ -166,6 +166,10 @@ class Options:
         self.names, self.doors = names, doors
 
 
+def scenarios():
+    return [kind.name for kind in (*programs.SCENARIOS, *stations.SCENARIOS)] + list(hall.ROUNDS)
+
+
 def run(options):
     tally = Tally()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # what was counted is shown, and what runs is ended

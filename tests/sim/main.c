@@ -287,12 +287,13 @@ static uint64_t run_listed(const struct arguments *arguments, struct totals *tot
 int main(int count, char **words) {
     static struct totals totals;
     struct arguments arguments;
-    if (!parse(count, words, &arguments)) {
-        fputs(
-            "usage: arthron-sim SECONDS [--seed N] [--seeds FILE] [--verbose]\n"
-            "Runs simulations for so long, each with the next seed; with a seed alone that one.\n",
-            stderr);
-        return 2;
+    bool asks = count == 2 && !strcmp(words[1], "--help");
+    if (asks || !parse(count, words, &arguments)) {
+        fputs("Usage: arthron-sim SECONDS [--seed N] [--seeds FILE] [--verbose]\n"
+              "Runs simulations for so long, each with the next seed; with a seed alone that one.\n"
+              "What does not hold ends it at once, after lines that say what, and with which seed.\n",
+              asks ? stdout : stderr);
+        return asks ? 0 : 2;
     }
     double begin_s = real_seconds(CLOCK_MONOTONIC), took_s = 0;
     uint64_t seed = arguments.seed;

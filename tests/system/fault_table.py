@@ -368,6 +368,8 @@ class FaultTable(unittest.TestCase):
 
 
 if __name__ == "__main__":
+    if "--help" in sys.argv:
+        sys.exit(print(__doc__) or 0)
     if len(sys.argv) > 1:
         FaultTable.seconds, FaultTable.only = float(sys.argv[1]), sys.argv[2:]
         del sys.argv[1:]

@@ -22,7 +22,10 @@ enum motion_verb {
     MOTION_BITE,   // an instrument opens, goes to a point of a group, and closes
     MOTION_RESECT, // bites along the planned resection of a group
     MOTION_TRACE,  // a probe or a shaver goes along the margin of a planned resection
-    MOTION_LOOK,   // the scope goes to where it sees a group
+    MOTION_LOOK,   // the scope goes to where it sees a group, or a place of it
+    MOTION_TOUCH,  // an instrument's tip goes to a place of a group, or as near as it comes, and
+                   // rests there
+    MOTION_WAIT,   // all hands rest
     MOTION_WITHDRAW,
     MOTION_VERB_COUNT
 };
@@ -39,7 +42,9 @@ struct motion_step {
     char name[CASE_NAME_MAX]; // of the portal or the group
     bool has_place; // a bite without one takes the reachable point nearest to the group's middle
     struct motion_place from, to;
-    double amount; // degrees of flexion or valgus, mm of drawer
+    // Degrees of flexion or valgus, mm of drawer, seconds of touching or waiting, mm from which to
+    // look (0: as it comes).
+    double amount;
     int64_t count; // of bites, at most
 };
 

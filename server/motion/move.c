@@ -61,6 +61,12 @@ bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip) {
     return is_within(plan, hand, tip, 0.8 * MOTION_DEPTH_MAX);
 }
 
+bool plan_sees(const struct plan *plan, vec3 from, vec3 to) {
+    enum body body;
+    double length = vec3_distance(from, to), share = fmax(1 - MOTION_SPARE / length, 0);
+    return depth_in_bones(plan, from, vec3_lerp(from, to, share), &body) <= MOTION_DEPTH_MAX;
+}
+
 enum result plan_refuse(const struct plan *plan, const struct hand *hand, vec3 tip) {
     enum body body = BODY_FEMUR;
     double depth = depth_in_bones(plan, tip, hand->portal.position, &body);

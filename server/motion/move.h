@@ -46,6 +46,10 @@ vec3 hand_direction(const struct hand *hand, vec3 tip); // of the shaft with the
 // what lies between two such tips.
 bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip);
 
+// Whether no bone lies between two points, the last MOTION_SPARE of the way apart.
+#define MOTION_SPARE 3.0 // mm
+bool plan_sees(const struct plan *plan, vec3 from, vec3 to);
+
 // RESULT_INVALID: names the bone through which the shaft with its tip there runs deepest.
 enum result plan_refuse(const struct plan *plan, const struct hand *hand, vec3 tip);
 

@@ -109,17 +109,15 @@ static enum result palpate(struct plan *plan, struct hand *hand, const struct mo
 
 // ---- bite ---------------------------------------------------------------------------------------
 
-// The vertex nearest to the group's middle that the shaft reaches past all bones.
+// The vertex nearest to a point that the shaft reaches past all bones.
 static enum result reachable_point(struct plan *plan, const struct hand *hand,
-                                   const struct case_group *group, vec3 *out_point) {
+                                   const struct case_group *group, vec3 near, vec3 *out_point) {
     const struct mesh *mesh = &group->mesh;
-    struct box box = mesh_bounds(mesh);
-    vec3 middle = vec3_lerp(box.min, box.max, 0.5);
     pose T = plan_body_pose(plan, group->body);
     double least = INFINITY;
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         vec3 p = mesh_vertex(mesh, v);
-        double distance = vec3_distance(p, middle);
+        double distance = vec3_distance(p, near);
         if (distance < least && plan_is_clear(plan, hand, pose_apply(T, p))) {
             least = distance;
             *out_point = p;
@@ -131,11 +129,17 @@ static enum result reachable_point(struct plan *plan, const struct hand *hand,
                 group->name, hand->portal.name);
 }
 
+static enum result reachable_middle(struct plan *plan, const struct hand *hand,
+                                    const struct case_group *group, vec3 *out_point) {
+    struct box box = mesh_bounds(&group->mesh);
+    return reachable_point(plan, hand, group, vec3_lerp(box.min, box.max, 0.5), out_point);
+}
+
 static enum result bite_point(struct plan *plan, const struct hand *hand,
                               const struct case_group *group, const struct motion_step *step,
                               vec3 *out_point) {
     if (!step->has_place)
-        return reachable_point(plan, hand, group, out_point);
+        return reachable_middle(plan, hand, group, out_point);
     struct query *surface = NULL;
     enum result result = place_find(plan->knee, &step->from, out_point, plan->err);
     if (result == RESULT_OK)
@@ -178,6 +182,32 @@ static enum result resect(struct plan *plan, struct hand *hand, const struct mot
     return result;
 }
 
+// ---- touch and wait -----------------------------------------------------------------------------
+
+static enum result rest(struct plan *plan, double seconds, const struct case_group *touch) {
+    int rows = (int)ceil(seconds * plan->script->rate_hz);
+    for (int i = 0; i < rows; i++)
+        if (plan_add_row(plan, touch) != RESULT_OK)
+            return RESULT_INVALID;
+    return RESULT_OK;
+}
+
+static enum result touch_place(struct plan *plan, struct hand *hand,
+                               const struct motion_step *step) {
+    struct case_group *group;
+    vec3 point = {0};
+    if (find_group(plan, step->name, &group) != RESULT_OK ||
+        bite_point(plan, hand, group, step, &point) != RESULT_OK)
+        return RESULT_MISSING;
+    pose T = plan_body_pose(plan, group->body);
+    if (!plan_is_clear(plan, hand, pose_apply(T, point)) &&
+        reachable_point(plan, hand, group, point, &point) != RESULT_OK)
+        return RESULT_INVALID;
+    if (plan_reach(plan, hand, pose_apply(T, point)) != RESULT_OK)
+        return RESULT_INVALID;
+    return rest(plan, step->amount, group);
+}
+
 // ---- look ---------------------------------------------------------------------------------------
 
 static const double look_distances[] = {18, 22, 14, 26, 10, 30}; // to what the scope looks at, mm
@@ -218,18 +248,41 @@ static vec3 look_from(const struct plan *plan, const struct hand *hand, vec3 poi
     return tip;
 }
 
+// A tip so far away from which the point is straight ahead and, where it has to be, no bone hides
+// it.
+static bool look_at(const struct plan *plan, const struct hand *hand, vec3 point, double distance,
+                    bool seen, vec3 *out_tip) {
+    for (int tilt_deg = 30; tilt_deg >= 0; tilt_deg -= 5) {
+        *out_tip = look_from(plan, hand, point, distance, tilt_deg * RAD_PER_DEG);
+        if (plan_is_clear(plan, hand, *out_tip) && (!seen || plan_sees(plan, *out_tip, point)))
+            return true;
+    }
+    return false;
+}
+
+// distance: 0 for any.
+static bool find_look(const struct plan *plan, const struct hand *hand, vec3 point, double distance,
+                      bool seen, vec3 *out_tip) {
+    if (distance > 0)
+        return look_at(plan, hand, point, distance, seen, out_tip);
+    for (size_t i = 0; i < sizeof look_distances / sizeof *look_distances; i++)
+        if (look_at(plan, hand, point, look_distances[i], seen, out_tip))
+            return true;
+    return false;
+}
+
 // With the usual optic of 30 degrees in the middle of its picture, or as near to that as bones let.
 static enum result look(struct plan *plan, struct hand *hand, const struct motion_step *step) {
     struct case_group *group;
     if (find_group(plan, step->name, &group) != RESULT_OK)
         return RESULT_MISSING;
-    vec3 point = pose_apply(plan_body_pose(plan, group->body), sight_of(group)), tip = point;
-    for (size_t i = 0; i < sizeof look_distances / sizeof *look_distances; i++)
-        for (int tilt_deg = 30; tilt_deg >= 0; tilt_deg -= 5) {
-            tip = look_from(plan, hand, point, look_distances[i], tilt_deg * RAD_PER_DEG);
-            if (plan_is_clear(plan, hand, tip))
-                return plan_reach(plan, hand, tip);
-        }
+    vec3 seen = sight_of(group), tip;
+    if (step->has_place && place_find(plan->knee, &step->from, &seen, plan->err) != RESULT_OK)
+        return RESULT_MISSING;
+    vec3 point = pose_apply(plan_body_pose(plan, group->body), seen);
+    if (find_look(plan, hand, point, step->amount, true, &tip) ||
+        find_look(plan, hand, point, step->amount, false, &tip))
+        return plan_reach(plan, hand, tip);
     return fail_in(plan->err, plan_refuse(plan, hand, tip), "%s cannot be seen: ", group->name);
 }
 
@@ -238,6 +291,8 @@ static enum result look(struct plan *plan, struct hand *hand, const struct motio
 static enum result do_step(struct plan *plan, const struct motion_step *step) {
     if (step->verb == MOTION_FLEX || step->verb == MOTION_VALGUS || step->verb == MOTION_DRAWER)
         return move_joint(plan, step);
+    if (step->verb == MOTION_WAIT)
+        return rest(plan, step->amount, NULL);
     struct hand *hand = hand_of(plan, step->tool);
     if (hand && step->verb == MOTION_APPROACH)
         return approach(plan, hand);
@@ -248,6 +303,8 @@ static enum result do_step(struct plan *plan, const struct motion_step *step) {
         return palpate(plan, hand, step);
     if (step->verb == MOTION_BITE)
         return bite(plan, hand, step);
+    if (step->verb == MOTION_TOUCH)
+        return touch_place(plan, hand, step);
     if (step->verb == MOTION_LOOK)
         return look(plan, hand, step);
     if (step->verb == MOTION_RESECT || step->verb == MOTION_TRACE)
@@ -319,7 +376,7 @@ static void leave_out(struct plan *plan, const struct plan *before, size_t row_c
 
 static bool is_work(enum motion_verb verb) {
     return verb == MOTION_PALPATE || verb == MOTION_BITE || verb == MOTION_RESECT ||
-           verb == MOTION_TRACE || verb == MOTION_LOOK;
+           verb == MOTION_TRACE || verb == MOTION_LOOK || verb == MOTION_TOUCH;
 }
 
 static enum result do_steps(struct plan *plan) {

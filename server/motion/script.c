@@ -41,7 +41,9 @@ static const struct {
     [MOTION_BITE] = {"bite", "INSTRUMENT GROUP [PLACE]" PLACE_IS},
     [MOTION_RESECT] = {"resect", "punch GROUP BITES from 1 to 100"},
     [MOTION_TRACE] = {"trace", "probe or shaver, and GROUP"},
-    [MOTION_LOOK] = {"look", "GROUP"},
+    [MOTION_LOOK] = {"look", "GROUP [PLACE]" PLACE_IS},
+    [MOTION_TOUCH] = {"touch", "INSTRUMENT GROUP PLACE" PLACE_IS},
+    [MOTION_WAIT] = {"wait", "SECONDS from 0 to 60"},
     [MOTION_WITHDRAW] = {"withdraw", "INSTRUMENT"},
 };
 
@@ -141,6 +143,8 @@ static bool read_places(struct motion_step *step, const char *const *words, int 
     return used == count;
 }
 
+static const double touch_seconds = 1;
+
 static bool read_words(struct motion_step *step, const char *const *words, int count) {
     switch (step->verb) {
     case MOTION_APPROACH:
@@ -167,7 +171,13 @@ static bool read_words(struct motion_step *step, const char *const *words, int c
                (step->tool == CHANNEL_PROBE || step->tool == CHANNEL_SHAVER);
     case MOTION_LOOK:
         step->tool = CHANNEL_SCOPE;
-        return count == 1 && read_name(words[0], step->name);
+        return read_places(step, words, count, count > 1);
+    case MOTION_TOUCH:
+        step->amount = touch_seconds;
+        return count > 2 && read_tool(words[0], &step->tool) &&
+               read_places(step, words + 1, count - 1, 1);
+    case MOTION_WAIT:
+        return count == 1 && number_double(words[0], 0, 60, &step->amount);
     default:
         return false;
     }

@@ -1,0 +1,145 @@
+#include "mesh/sight.h"
+
+#include "base/check.h"
+
+#include <embree3/rtcore.h>
+#include <float.h>
+#include <pthread.h>
+#include <stdlib.h>
+
+struct sight {
+    const struct mesh *mesh;
+    double margin; // how far single precision may be off, mm
+    RTCScene scene;
+};
+
+// ---- building -----------------------------------------------------------------------------------
+
+static RTCDevice device;
+static pthread_once_t device_once = PTHREAD_ONCE_INIT;
+
+// One for the process, as that of queries (query.c).
+static void make_device(void) {
+    device = rtcNewDevice("threads=1");
+}
+
+static void triangle_bounds(const struct RTCBoundsFunctionArguments *arguments) {
+    const struct sight *sight = arguments->geometryUserPtr;
+    vec3 low = mesh_corner(sight->mesh, arguments->primID, 0), high = low;
+    for (int i = 1; i < 3; i++) {
+        vec3 p = mesh_corner(sight->mesh, arguments->primID, i);
+        low = (vec3){fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z)};
+        high = (vec3){fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z)};
+    }
+    struct RTCBounds *out = arguments->bounds_o;
+    out->lower_x = (float)(low.x - sight->margin);
+    out->lower_y = (float)(low.y - sight->margin);
+    out->lower_z = (float)(low.z - sight->margin);
+    out->upper_x = (float)(high.x + sight->margin);
+    out->upper_y = (float)(high.y + sight->margin);
+    out->upper_z = (float)(high.z + sight->margin);
+}
+
+static void meet_triangle(const struct RTCOccludedFunctionNArguments *arguments);
+
+static void build_scene(struct sight *sight) {
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+    rtcSetGeometryUserPrimitiveCount(geometry, sight->mesh->triangle_count);
+    rtcSetGeometryUserData(geometry, sight);
+    rtcSetGeometryBoundsFunction(geometry, triangle_bounds, NULL);
+    rtcSetGeometryOccludedFunction(geometry, meet_triangle);
+    rtcCommitGeometry(geometry);
+    sight->scene = rtcNewScene(device);
+    rtcSetSceneFlags(sight->scene, RTC_SCENE_FLAG_ROBUST);
+    rtcAttachGeometry(sight->scene, geometry);
+    rtcReleaseGeometry(geometry);
+    rtcCommitScene(sight->scene);
+}
+
+static double margin_of(const struct mesh *mesh) {
+    float largest = 0;
+    for (size_t i = 0; i < 3 * (size_t)mesh->vertex_count; i++)
+        largest = fmaxf(largest, fabsf(mesh->positions[i]));
+    return 16 * (double)FLT_EPSILON * (double)largest;
+}
+
+enum result sight_create(const struct mesh *mesh, struct sight **out_sight, struct error *err) {
+    pthread_once(&device_once, make_device);
+    if (!device)
+        return fail(err, RESULT_IO, "Embree cannot start: error %d", rtcGetDeviceError(NULL));
+    struct sight *sight = alloc(1, sizeof *sight);
+    sight->mesh = mesh;
+    sight->margin = margin_of(mesh);
+    build_scene(sight);
+    enum RTCError problem = rtcGetDeviceError(device);
+    if (problem != RTC_ERROR_NONE) {
+        sight_destroy(&sight);
+        return fail(err, RESULT_IO, "Embree cannot build a structure of rays: error %d", problem);
+    }
+    *out_sight = sight;
+    return RESULT_OK;
+}
+
+void sight_destroy(struct sight **sight) {
+    if (!*sight)
+        return;
+    rtcReleaseScene((*sight)->scene);
+    free(*sight);
+    *sight = NULL;
+}
+
+// ---- asking -------------------------------------------------------------------------------------
+
+// Embree passes the context on to each triangle.
+struct asking {
+    struct RTCIntersectContext context; // first
+    vec3 from, way;
+    double last; // share of the way up to which triangles count
+};
+
+// Whether the way crosses the triangle's plane inside it, at a share from 0 to `last`. Signed
+// volumes, so neighbours agree about the edge that they share.
+static bool crosses(const struct asking *a, vec3 p, vec3 q, vec3 r) {
+    p = vec3_sub(p, a->from);
+    q = vec3_sub(q, a->from);
+    r = vec3_sub(r, a->from);
+    double u = vec3_dot(a->way, vec3_cross(r, q));
+    double v = vec3_dot(a->way, vec3_cross(p, r));
+    double w = vec3_dot(a->way, vec3_cross(q, p));
+    if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0))
+        return false;
+    double whole = u + v + w;
+    double along = vec3_dot(p, vec3_cross(r, q));
+    return whole != 0 && along / whole >= 0 && along / whole <= a->last;
+}
+
+static void meet_triangle(const struct RTCOccludedFunctionNArguments *arguments) {
+    const struct sight *sight = arguments->geometryUserPtr;
+    const struct asking *asking = (const struct asking *)(const void *)arguments->context;
+    const struct mesh *mesh = sight->mesh;
+    CHECK(arguments->N == 1);
+    if (arguments->valid[0] &&
+        crosses(asking, mesh_corner(mesh, arguments->primID, 0),
+                mesh_corner(mesh, arguments->primID, 1), mesh_corner(mesh, arguments->primID, 2)))
+        ((struct RTCRay *)(void *)arguments->ray)->tfar = -INFINITY;
+}
+
+bool sight_is_clear(const struct sight *sight, vec3 from, vec3 to, double spare_mm) {
+    CHECK(vec3_is_finite(from) && vec3_is_finite(to));
+    struct asking asking = {.from = from, .way = vec3_sub(to, from)};
+    double length = vec3_length(asking.way);
+    if (length <= spare_mm)
+        return true;
+    asking.last = 1 - spare_mm / length;
+    struct RTCRay ray = {.org_x = (float)from.x,
+                         .org_y = (float)from.y,
+                         .org_z = (float)from.z,
+                         .dir_x = (float)asking.way.x,
+                         .dir_y = (float)asking.way.y,
+                         .dir_z = (float)asking.way.z,
+                         .tfar = 1,
+                         .mask = UINT32_MAX};
+    rtcInitIntersectContext(&asking.context);
+    rtcOccluded1(sight->scene, &asking.context, &ray);
+    return ray.tfar >= 0;
+}

@@ -1,0 +1,79 @@
+#include "rehearsal/play.h"
+
+#include "base/clock.h"
+#include "step/session.h"
+
+struct play {
+    struct session *session;
+    struct operation *operation;
+    const struct site *site;
+    struct attempt *attempt;
+    struct job_result *landing; // at the next step
+};
+
+static void step(struct play *play, const struct session_input *input) {
+    struct session_output output;
+    session_step(play->session, input, &output);
+    attempt_step(play->attempt, play->site, &output);
+    if (output.job.id)
+        play->landing = operation_run(play->operation, &output.job);
+}
+
+static void land(struct play *play, int64_t time_ns) {
+    struct job_result *result = play->landing;
+    if (!result)
+        return;
+    play->landing = NULL;
+    step(play, &(struct session_input){
+                   .kind = INPUT_JOB, .time_ns = time_ns, .job = result->job, .result = result});
+    job_result_destroy(&result);
+}
+
+static void add(struct frame *frame, struct sample sample) {
+    sample.time_ns = frame->time_ns;
+    frame->samples[frame->count++] = sample;
+}
+
+static void add_tool(struct frame *frame, enum channel channel,
+                     const struct motion_tool_state *state) {
+    bool runs = channel == CHANNEL_SHAVER && state->opening > 0;
+    add(frame, (struct sample){
+                   .channel = channel, .kind = SAMPLE_POSE, .T_mockup_body = state->T_mockup_tip});
+    add(frame, (struct sample){.channel = channel,
+                               .kind = SAMPLE_HANDLE,
+                               .handle = {state->opening, runs ? 1 : 0}});
+}
+
+static void play_row(struct play *play, const struct motion *motion, size_t row, int64_t time_ns) {
+    const struct motion_row *r = &motion->rows[row];
+    struct session_input input = {
+        .kind = INPUT_FRAME, .time_ns = time_ns, .frame = {.number = row + 1, .time_ns = time_ns}};
+    add(&input.frame,
+        (struct sample){.channel = CHANNEL_JOINT, .kind = SAMPLE_JOINT, .joint = r->joint});
+    for (int i = 0; i < motion->tool_count; i++)
+        add_tool(&input.frame, motion->tools[i].channel, &r->tools[i]);
+    step(play, &input);
+}
+
+void play_motion(const struct motion *motion, double rate_hz, const struct scene *scene,
+                 const struct site *site, struct attempt *out_attempt) {
+    struct session_settings settings = session_settings_default();
+    struct play play = {
+        .session = session_create(scene, &settings),
+        .operation = operation_create(scene, settings.rules, &settings.instruments),
+        .site = site,
+        .attempt = out_attempt,
+    };
+    double row_ns = NS_PER_S / rate_hz;
+    attempt_init(out_attempt);
+    step(&play, &(struct session_input){.kind = INPUT_START});
+    for (size_t row = 0; row < motion->row_count && out_attempt->end == ATTEMPT_RUNS; row++) {
+        int64_t time_ns = (int64_t)((double)(row + 1) * row_ns);
+        land(&play, time_ns);
+        play_row(&play, motion, row, time_ns);
+    }
+    job_result_destroy(&play.landing);
+    attempt_leave(out_attempt);
+    operation_destroy(&play.operation);
+    session_destroy(&play.session);
+}

@@ -1,0 +1,214 @@
+#include "task/attempt.h"
+
+#include "task/conditions.h"
+
+#include <math.h>
+#include <string.h>
+
+#define SPEED_NS 100000000LL // time constant of a tip's speed
+
+static int64_t ns_of(double seconds) {
+    return (int64_t)(seconds * 1e9);
+}
+
+const char *verdict_name(enum verdict verdict) {
+    static const char *const names[VERDICT_COUNT] = {"open", "passed", "not yet"};
+    return names[verdict];
+}
+
+const char *attempt_end_name(enum attempt_end end) {
+    static const char *const names[ATTEMPT_END_COUNT] = {"runs", "done", "time out",
+                                                         "sentinel error", "left"};
+    return names[end];
+}
+
+void attempt_init(struct attempt *a) {
+    memset(a, 0, sizeof *a);
+}
+
+// ---- time and motion ----------------------------------------------------------------------------
+
+static void pass(struct attempt *a, const struct session_output *output) {
+    if (!a->first_step)
+        a->first_step = output->step;
+    else if (a->running)
+        a->running_ns += output->time_ns - a->last_ns;
+    a->last_step = output->step;
+    a->running = output->state == SESSION_RUNNING;
+}
+
+static void follow(struct attempt *a, const struct session_output *output, int tool) {
+    const struct instrument_output *o = &output->instruments[tool];
+    int64_t passed_ns = output->time_ns - a->last_ns;
+    vec3 tip = o->T_mockup_tip.translation;
+    if (!o->present || !a->seen[tool])
+        a->speeds[tool] = 0;
+    else if (passed_ns > 0) {
+        double speed = vec3_distance(tip, a->tips[tool]) / (1e-9 * (double)passed_ns);
+        double share = (double)passed_ns / (double)(passed_ns + SPEED_NS);
+        a->speeds[tool] += share * (speed - a->speeds[tool]);
+    }
+    a->seen[tool] = o->present;
+    a->tips[tool] = tip;
+}
+
+static void land(struct attempt *a, const struct landed *landed) {
+    if (!landed->job)
+        return;
+    a->resections[landed->tissue] = landed->figures.quality;
+    a->cut &= ~(1u << landed->tissue);
+    a->cut |= (uint32_t)(landed->figures.cuts > 0) << landed->tissue;
+}
+
+// ---- holding ------------------------------------------------------------------------------------
+
+// True where it has held for so long.
+static bool hold(struct holding *h, bool holds, int64_t now_ns, int64_t apart_ns, int64_t long_ns) {
+    if (h->holds && now_ns - h->last_ns > apart_ns)
+        h->holds = false;
+    if (!holds)
+        return false;
+    if (!h->holds)
+        *h = (struct holding){true, now_ns, now_ns};
+    h->last_ns = now_ns;
+    return now_ns - h->since_ns >= long_ns;
+}
+
+// ---- goals --------------------------------------------------------------------------------------
+
+static void meet(struct attempt *a, int index) {
+    struct goal_state *state = &a->goals[index];
+    state->met = true;
+    state->met_step = a->last_step;
+    state->met_ns = a->running_ns;
+    a->goals_met++;
+}
+
+// A scope that moved begins to hold anew.
+static void keep_still(const struct goal *goal, struct goal_state *state,
+                       const struct looking *looking) {
+    vec3 tip = looking->T_mockup_scope.translation;
+    if (isnan(goal->still_mm))
+        return;
+    if (state->hold.holds && vec3_distance(tip, state->from) > goal->still_mm)
+        state->hold.holds = false;
+    if (!state->hold.holds)
+        state->from = tip;
+}
+
+static bool is_met(struct attempt *a, const struct site *site, const struct session_output *output,
+                   const struct looking *looking, int index) {
+    const struct goal *goal = &site_task(site)->goals[index];
+    struct goal_state *state = &a->goals[index];
+    bool holds = goal_holds_joint(goal, site, output) &&
+                 goal_resected(goal, site_goal(site, index), a) &&
+                 goal_touches(goal, site, index, output, looking) &&
+                 goal_is_seen(goal, site, index, output, looking, a);
+    if (holds && goal->place_count) {
+        state->along = goal_goes_along(goal, site_goal(site, index), output, state->along);
+        return state->along == site_goal(site, index)->line_count;
+    }
+    if (holds)
+        keep_still(goal, state, looking);
+    return hold(&state->hold, holds, a->running_ns, HELD_NS, ns_of(goal->hold_s));
+}
+
+static void judge_goals(struct attempt *a, const struct site *site,
+                        const struct session_output *output, const struct looking *looking,
+                        struct attempt_news *news) {
+    const struct task *task = site_task(site);
+    for (int i = 0; i < task->goal_count; i++) {
+        if (a->goals[i].met)
+            continue;
+        if (is_met(a, site, output, looking, i)) {
+            meet(a, i);
+            news->goals_met |= 1u << i;
+        }
+        if (task->in_order)
+            return;
+    }
+}
+
+// ---- errors -------------------------------------------------------------------------------------
+
+static void count_error(struct attempt *a, const struct site *site, int error, int tool,
+                        struct attempt_news *news) {
+    a->errors++;
+    a->found[error][tool].count++;
+    news->errors |= 1u << error;
+    if (a->occurrence_count < ATTEMPT_OCCURRENCES_MAX)
+        a->occurrences[a->occurrence_count++] = (struct occurrence){
+            error, error_is_of_tool(site, error) ? tool : -1, a->last_step, a->running_ns};
+    if (site_task(site)->errors[error].sentinel)
+        a->end = ATTEMPT_SENTINEL;
+}
+
+static void judge_errors(struct attempt *a, const struct site *site,
+                         const struct session_output *output, const struct looking *looking,
+                         struct attempt_news *news) {
+    const struct task *task = site_task(site);
+    for (int e = 0; e < task->error_count; e++)
+        for (int tool = 0; tool < (error_is_of_tool(site, e) ? site_tools(site)->count : 1);
+             tool++) {
+            struct error_state *state = &a->found[e][tool];
+            bool holds = error_holds(site, e, tool, output, looking, a);
+            bool is_long =
+                hold(&state->hold, holds, a->running_ns, state->counted ? ERROR_APART_NS : HELD_NS,
+                     ns_of(task->errors[e].for_s));
+            if (!state->hold.holds)
+                state->counted = false;
+            if (!is_long || state->counted)
+                continue;
+            state->counted = true;
+            count_error(a, site, e, tool, news);
+        }
+}
+
+// ---- the step -----------------------------------------------------------------------------------
+
+static void judge(struct attempt *a, const struct site *site, const struct session_output *output,
+                  struct attempt_news *news) {
+    const struct task *task = site_task(site);
+    struct looking looking = looking_at(site, output);
+    judge_errors(a, site, output, &looking, news);
+    judge_goals(a, site, output, &looking, news);
+    if (a->end == ATTEMPT_RUNS && a->goals_met == task->goal_count)
+        a->end = ATTEMPT_DONE;
+    else if (a->end == ATTEMPT_RUNS && a->running_ns >= ns_of(task->limit_s))
+        a->end = ATTEMPT_TIME_OUT;
+}
+
+struct attempt_news attempt_step(struct attempt *a, const struct site *site,
+                                 const struct session_output *output) {
+    struct attempt_news news = {0};
+    if (a->end != ATTEMPT_RUNS)
+        return news;
+    pass(a, output);
+    for (int tool = 0; tool < site_tools(site)->count; tool++)
+        follow(a, output, tool);
+    a->last_ns = output->time_ns;
+    land(a, &output->landed);
+    if (a->running)
+        judge(a, site, output, &news);
+    if (output->state == SESSION_CLOSED)
+        attempt_leave(a);
+    news.ended = a->end != ATTEMPT_RUNS;
+    return news;
+}
+
+void attempt_leave(struct attempt *a) {
+    if (a->end == ATTEMPT_RUNS)
+        a->end = ATTEMPT_LEFT;
+}
+
+double attempt_time_s(const struct attempt *a) {
+    return 1e-9 * (double)a->running_ns;
+}
+
+enum verdict attempt_verdict(const struct attempt *a, const struct task *task) {
+    if (a->end == ATTEMPT_RUNS)
+        return VERDICT_OPEN;
+    bool passed = a->end == ATTEMPT_DONE && attempt_time_s(a) <= task->pass_time_s &&
+                  a->errors <= task->pass_errors;
+    return passed ? VERDICT_PASSED : VERDICT_NOT_YET;
+}

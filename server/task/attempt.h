@@ -1,0 +1,94 @@
+// An attempt: one trial of a task, a span of a session's steps. It is judged from the steps'
+// outputs alone, so live, after a restart and from the trace the same bits come out.
+//
+// struct attempt has constant size and no pointers, so an assignment copies it and memcmp compares
+// it. Nothing here allocates, fails or reads a clock.
+#pragma once
+
+#include "step/output.h"
+#include "task/site.h"
+
+// A tracker's noise makes a condition come and go. So it counts as held until it has not held for
+// HELD_NS; an error that was counted, until it has not held for ERROR_APART_NS.
+#define HELD_NS 150000000LL
+#define ERROR_APART_NS 500000000LL
+
+#define ATTEMPT_OCCURRENCES_MAX 64 // that are kept with their steps; all are counted
+
+enum verdict { VERDICT_OPEN, VERDICT_PASSED, VERDICT_NOT_YET, VERDICT_COUNT };
+const char *verdict_name(enum verdict verdict); // "open", "passed", "not yet"
+
+enum attempt_end {
+    ATTEMPT_RUNS,
+    ATTEMPT_DONE,     // all goals are met
+    ATTEMPT_TIME_OUT, // the limit's time is over
+    ATTEMPT_SENTINEL, // an error ended it
+    ATTEMPT_LEFT,     // the session closed, or somebody ended it
+    ATTEMPT_END_COUNT
+};
+const char *attempt_end_name(enum attempt_end end);
+
+// All times are of the running session since the attempt began; what was paused does not count.
+struct holding {
+    bool holds;
+    int64_t since_ns, last_ns;
+};
+
+struct goal_state {
+    struct holding hold;
+    bool met;
+    uint64_t met_step;
+    int64_t met_ns;
+    vec3 from;     // the scope's tip when the goal began to hold
+    int32_t along; // of a line: the points that were passed
+};
+
+struct error_state {
+    struct holding hold;
+    bool counted;
+    int32_t count;
+};
+
+struct occurrence {
+    int32_t error; // index in the task
+    int32_t tool;  // of the session's instruments; -1: of none in particular
+    uint64_t step;
+    int64_t time_ns;
+};
+
+struct attempt {
+    uint64_t first_step, last_step;
+    int64_t running_ns;
+    int64_t last_ns; // of the clock of the steps
+    bool running;
+    enum attempt_end end;
+    int32_t goals_met, errors;
+    vec3 tips[INSTRUMENT_COUNT];
+    double speeds[INSTRUMENT_COUNT]; // mm/s, smoothed
+    bool seen[INSTRUMENT_COUNT];     // there was a tip at the step before
+    uint32_t cut;                    // a bit for each tissue of which something was cut
+    struct quality_report resections[TISSUES_MAX];
+    struct goal_state goals[TASK_GOALS_MAX];
+    struct error_state found[TASK_ERRORS_MAX][INSTRUMENT_COUNT]; // of each tool
+    int32_t occurrence_count;
+    struct occurrence occurrences[ATTEMPT_OCCURRENCES_MAX];
+};
+
+// What a step brought: bit i of goals_met for goal i.
+struct attempt_news {
+    uint32_t goals_met, errors;
+    bool ended;
+};
+
+// It begins with the next step.
+void attempt_init(struct attempt *attempt);
+
+// Adds the session's next step. Nothing changes once it has ended.
+struct attempt_news attempt_step(struct attempt *attempt, const struct site *site,
+                                 const struct session_output *output);
+
+void attempt_leave(struct attempt *attempt); // ATTEMPT_LEFT, unless it has ended
+
+// By the task's pass mark: VERDICT_OPEN while it runs.
+enum verdict attempt_verdict(const struct attempt *attempt, const struct task *task);
+double attempt_time_s(const struct attempt *attempt);

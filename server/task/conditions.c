@@ -1,0 +1,191 @@
+#include "task/conditions.h"
+
+#include <math.h>
+
+#define TOUCH_MM 1.0   // a tip this near touches; a tracker's noise is well below
+#define INSIDE_MM 15.0 // a tip this near to a surface is in the knee
+#define LEVEL_MIN 0.2  // looked at along its axis, the tibia stands upright in any picture
+
+// ---- looking ------------------------------------------------------------------------------------
+
+struct looking looking_at(const struct site *site, const struct session_output *output) {
+    const struct instruments *tools = site_tools(site);
+    for (int i = 0; i < tools->count; i++) {
+        const struct instrument_output *o = &output->instruments[i];
+        if (tools->of[i].kind == INSTRUMENT_OPTIC && o->present)
+            return (struct looking){true, o->T_mockup_warped,
+                                    optic_axis(site_optic(site), o->T_mockup_warped),
+                                    0.5 * site_optic(site)->field_deg};
+    }
+    return (struct looking){.T_mockup_scope = {.rotation = quat_identity()}};
+}
+
+static double angle_deg(vec3 a, vec3 b) {
+    return DEG_PER_RAD * atan2(vec3_length(vec3_cross(a, b)), vec3_dot(a, b));
+}
+
+static bool is_in_picture(const struct looking *looking, vec3 p, double share) {
+    vec3 way = vec3_sub(p, looking->T_mockup_scope.translation);
+    return looking->is_there && angle_deg(looking->axis, way) <= share * looking->half_field_deg;
+}
+
+static vec3 across(vec3 v, vec3 axis) {
+    return vec3_add_scaled(v, -vec3_dot(v, axis), axis);
+}
+
+static bool is_upright(const struct goal *goal, const struct site *site,
+                       const struct session_output *output, const struct looking *looking) {
+    if (isnan(goal->upright_deg))
+        return true;
+    const struct joint_frame *joint = &site_case(site)->joint;
+    pose T = pose_compose(output->T_mockup_virtual[BODY_TIBIA], joint->T_tibia_joint);
+    vec3 proximal = across(quat_rotate(T.rotation, (vec3){0, 0, 1}), looking->axis);
+    vec3 up = across(quat_rotate(looking->T_mockup_scope.rotation, (vec3){0, 1, 0}), looking->axis);
+    return vec3_length(proximal) < LEVEL_MIN || angle_deg(up, proximal) <= goal->upright_deg;
+}
+
+static bool is_point_seen(const struct goal *goal, const struct site *site,
+                          const struct session_output *output, const struct looking *looking,
+                          uint32_t cut, vec3 p) {
+    vec3 scope = looking->T_mockup_scope.translation;
+    double distance = vec3_distance(p, scope);
+    return is_in_picture(looking, p, goal->centre) && distance <= goal->within_mm &&
+           distance >= goal->beyond_mm && site_sees(site, output, cut, scope, p);
+}
+
+bool goal_is_seen(const struct goal *goal, const struct site *site, int index,
+                  const struct session_output *output, const struct looking *looking,
+                  const struct attempt *attempt) {
+    const struct spot *spot = &site_goal(site, index)->see;
+    if (!goal->see[0])
+        return true;
+    if (!looking->is_there || !is_upright(goal, site, output, looking))
+        return false;
+    const pose *T = &output->T_mockup_virtual[spot->body];
+    for (int i = 0; i < spot->shown_count; i++)
+        if (is_point_seen(goal, site, output, looking, attempt->cut,
+                          pose_apply(*T, spot->shown[i])))
+            return true;
+    return false;
+}
+
+// ---- touching -----------------------------------------------------------------------------------
+
+static bool is_at(const struct instrument_output *o, int group) {
+    return o->present && o->warp.nearest == group && o->warp.nearest_mm <= TOUCH_MM;
+}
+
+static vec3 tip_on(const struct instrument_output *o, const struct session_output *output,
+                   enum body body) {
+    return pose_apply(pose_inverse(output->T_mockup_body[body]), o->T_mockup_tip.translation);
+}
+
+bool goal_touches(const struct goal *goal, const struct site *site, int index,
+                  const struct session_output *output, const struct looking *looking) {
+    const struct site_goal *g = site_goal(site, index);
+    const struct instrument_output *o = &output->instruments[g->tool];
+    if (!goal->touch[0] && !goal->place_count)
+        return true;
+    if (!is_at(o, g->touch.group) ||
+        (goal->in_view && !is_in_picture(looking, o->T_mockup_warped.translation, 1)))
+        return false;
+    return goal->place_count || vec3_distance(tip_on(o, output, g->touch.body), g->touch.at) <=
+                                    g->touch.depth_mm + goal->reach_mm;
+}
+
+int32_t goal_goes_along(const struct goal *goal, const struct site_goal *g,
+                        const struct session_output *output, int32_t along) {
+    vec3 tip = tip_on(&output->instruments[g->tool], output, g->touch.body);
+    while (along < g->line_count && vec3_distance(tip, g->line[along]) <= goal->reach_mm)
+        along++;
+    return along;
+}
+
+// ---- the joint and the resection ----------------------------------------------------------------
+
+static bool at_least(double value, double least) {
+    return isnan(least) || value >= least;
+}
+
+static bool at_most(double value, double most) {
+    return isnan(most) || value <= most;
+}
+
+// Of the joint that is shown: the patient's gives way where a ligament is torn. Beside the flexion
+// it counts from the joint at rest.
+bool goal_holds_joint(const struct goal *goal, const struct site *site,
+                      const struct session_output *output) {
+    if (isnan(goal->valgus_deg) && isnan(goal->varus_deg) && isnan(goal->drawer_mm) &&
+        isnan(goal->flexion_from_deg))
+        return true;
+    const pose *T = output->T_mockup_virtual;
+    struct joint_angles now = joint_from_pose(
+        &site_case(site)->joint, pose_compose(pose_inverse(T[BODY_FEMUR]), T[BODY_TIBIA]));
+    struct joint_angles rest = case_rest(site_case(site), now.flexion_deg);
+    double varus_deg = now.varus_deg - rest.varus_deg;
+    return at_least(-varus_deg, goal->valgus_deg) && at_least(varus_deg, goal->varus_deg) &&
+           at_least(now.drawer_mm - rest.drawer_mm, goal->drawer_mm) &&
+           at_least(now.flexion_deg, goal->flexion_from_deg) &&
+           at_most(now.flexion_deg, goal->flexion_to_deg);
+}
+
+bool goal_resected(const struct goal *goal, const struct site_goal *g,
+                   const struct attempt *attempt) {
+    const struct quality_report *r = &attempt->resections[g->tissue];
+    if (!goal->resect[0])
+        return true;
+    return (attempt->cut >> g->tissue & 1) &&
+           at_most(r->under_mm3, goal->under_share * r->planned_mm3) &&
+           at_most(r->over_mm3, goal->over_share * r->planned_mm3) &&
+           at_least(r->rim_mm, goal->rim_mm) && at_most(r->step_mm, goal->step_mm);
+}
+
+// ---- errors -------------------------------------------------------------------------------------
+
+static bool is_near(const struct site *site, int error, const struct instrument_output *o) {
+    return o->warp.nearest >= 0 && o->warp.nearest_mm <= site_task(site)->errors[error].near_mm &&
+           site_error_has_group(site, error, o->warp.nearest);
+}
+
+static bool is_deep(const struct site *site, int error, const struct instrument_output *o) {
+    double deep_mm = site_task(site)->errors[error].deep_mm;
+    return isnan(deep_mm) || (o->warp.nearest >= 0 && o->penetration_mm >= deep_mm &&
+                              site_error_has_group(site, error, o->warp.nearest));
+}
+
+static bool turns(const struct site *site, int tool, const struct instrument_output *o) {
+    const struct instrument *instrument = &site_tools(site)->of[tool];
+    return instrument->kind == INSTRUMENT_BURR && instrument->button >= 0 &&
+           o->handle_validity != VALIDITY_LOST && (o->handle.buttons >> instrument->button & 1);
+}
+
+static bool is_unseen(const struct instrument_output *o, const struct looking *looking) {
+    return looking->is_there && o->warp.nearest >= 0 && o->warp.nearest_mm <= INSIDE_MM &&
+           !is_in_picture(looking, o->T_mockup_warped.translation, 1);
+}
+
+static bool is_cut_beyond(const struct task_error *error, const struct attempt *attempt) {
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        const struct quality_report *r = &attempt->resections[i];
+        if (r->over_mm3 > error->over_share * r->planned_mm3)
+            return true;
+    }
+    return false;
+}
+
+bool error_is_of_tool(const struct site *site, int error) {
+    return isnan(site_task(site)->errors[error].over_share);
+}
+
+bool error_holds(const struct site *site, int error, int tool, const struct session_output *output,
+                 const struct looking *looking, const struct attempt *attempt) {
+    const struct task_error *e = &site_task(site)->errors[error];
+    const struct instrument_output *o = &output->instruments[tool];
+    if (!error_is_of_tool(site, error))
+        return is_cut_beyond(e, attempt);
+    if (!o->present || !site_error_concerns(site, error, tool))
+        return false;
+    return is_deep(site, error, o) && (isnan(e->near_mm) || is_near(site, error, o)) &&
+           (isnan(e->speed_mm_s) || attempt->speeds[tool] > e->speed_mm_s) &&
+           (!e->running || turns(site, tool, o)) && (!e->unseen || is_unseen(o, looking));
+}

@@ -1,0 +1,67 @@
+#include "task/tell.h"
+
+#include <jansson.h>
+#include <stdio.h>
+
+static json_t *goals_json(const struct task *task, const struct attempt *attempt) {
+    json_t *goals = json_array();
+    for (int i = 0; i < task->goal_count; i++) {
+        const struct goal_state *state = &attempt->goals[i];
+        json_array_append_new(goals,
+                              json_pack("{s:s, s:b, s:f}", "name", task->goals[i].name, "met",
+                                        state->met, "s", 1e-9 * (double)state->met_ns));
+    }
+    return goals;
+}
+
+static json_t *errors_json(const struct task *task, const struct attempt *attempt) {
+    json_t *errors = json_array();
+    for (int i = 0; i < attempt->occurrence_count; i++) {
+        const struct occurrence *o = &attempt->occurrences[i];
+        json_array_append_new(errors,
+                              json_pack("{s:s, s:f, s:I}", "name", task->errors[o->error].name, "s",
+                                        1e-9 * (double)o->time_ns, "step", (json_int_t)o->step));
+    }
+    return errors;
+}
+
+void tell_json(const struct task *task, const struct attempt *attempt, const char *why) {
+    json_t *root =
+        json_pack("{s:s, s:i, s:s, s:s, s:s, s:f, s:i, s:o, s:o}", "task", task->name, "version",
+                  task->version, "verdict", verdict_name(attempt_verdict(attempt, task)), "end",
+                  attempt_end_name(attempt->end), "why", why, "time_s", attempt_time_s(attempt),
+                  "error_count", attempt->errors, "goals", goals_json(task, attempt), "errors",
+                  errors_json(task, attempt));
+    json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(6));
+    putchar('\n');
+    json_decref(root);
+}
+
+static void print_resection(const struct quality_report *r) {
+    printf(
+        "  plan  %.0f mm3: %.0f still there, %.0f removed beyond it; rim %.1f mm, step %.1f mm\n",
+        r->planned_mm3, r->under_mm3, r->over_mm3, r->rim_mm, r->step_mm);
+}
+
+void tell_text(const struct task *task, const struct attempt *attempt, const char *why) {
+    printf("%s: %s after %.1f s (at most %g), %d errors (at most %d)\n", task->title,
+           verdict_name(attempt_verdict(attempt, task)), attempt_time_s(attempt), task->pass_time_s,
+           attempt->errors, task->pass_errors);
+    for (int i = 0; i < task->goal_count; i++) {
+        const struct goal_state *state = &attempt->goals[i];
+        if (state->met)
+            printf("  goal  %-24s %6.1f s\n", task->goals[i].name, 1e-9 * (double)state->met_ns);
+        else
+            printf("  goal  %-24s not met\n", task->goals[i].name);
+    }
+    for (int i = 0; i < attempt->occurrence_count; i++)
+        printf("  error %-24s %6.1f s, step %llu\n",
+               task->errors[attempt->occurrences[i].error].name,
+               1e-9 * (double)attempt->occurrences[i].time_ns,
+               (unsigned long long)attempt->occurrences[i].step);
+    for (int i = 0; i < TISSUES_MAX; i++)
+        if (attempt->cut >> i & 1)
+            print_resection(&attempt->resections[i]);
+    if (why[0])
+        printf("  why   %s\n", why);
+}

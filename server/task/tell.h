@@ -1,0 +1,8 @@
+// An attempt in words, on stdout: for people, and as one JSON object.
+#pragma once
+
+#include "task/attempt.h"
+
+// why: why the attempt stands as it does, empty where there is nothing to say.
+void tell_text(const struct task *task, const struct attempt *attempt, const char *why);
+void tell_json(const struct task *task, const struct attempt *attempt, const char *why);

@@ -103,10 +103,23 @@ static bool name_is_good(const char *name) {
            strspn(name, all) == length;
 }
 
+// Whether `longer` is how tables, scenes and recordings call something of `name`.
+static bool is_derived(const char *longer, const char *name) {
+    size_t length = strlen(name);
+    return !strncmp(longer, name, length) &&
+           (!strcmp(longer + length, "_warped") || !strcmp(longer + length, "_handle"));
+}
+
 static bool name_is_taken(const struct instruments *instruments, const char *name) {
-    for (int i = 0; i < instruments->count; i++)
-        if (!strcmp(instruments->of[i].name, name))
+    static const char *const others[] = {"virtual_", "mockup_", "torn_"};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        if (!strncmp(name, others[i], strlen(others[i])))
             return true;
+    for (int i = 0; i < instruments->count; i++) {
+        const char *other = instruments->of[i].name;
+        if (!strcmp(other, name) || is_derived(name, other) || is_derived(other, name))
+            return true;
+    }
     return channel_is_reserved(name);
 }
 

@@ -64,7 +64,8 @@ void instruments_name_channels(const struct instruments *instruments);
 bool instruments_equal(const struct instruments *a, const struct instruments *b);
 
 // Adds a described one. RESULT_LIMIT: there is no room. RESULT_INVALID: the name is not 1 to 23 of
-// a-z, 0-9, - and _ after a letter, or is taken by a channel or another instrument; a size is not a
-// number in its range. The error names the instrument, and what.
+// a-z, 0-9, - and _ after a letter, or is taken by a channel or another instrument, or is how
+// exports call something of one (probe_warped, virtual_femur); a size is not a number in its range.
+// The error names the instrument, and what.
 enum result instruments_add(struct instruments *instruments, const struct instrument *instrument,
                             struct error *err);

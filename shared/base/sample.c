@@ -88,6 +88,8 @@ static bool sample_is_valid(const struct sample *s) {
     case SAMPLE_HANDLE:
         return s->channel >= CHANNEL_FIRST_INSTRUMENT && s->handle.opening >= 0 &&
                s->handle.opening <= 1;
+    case SAMPLE_FORCE:
+        return within(s->force_n, FORCE_MAX_N);
     default:
         return false;
     }

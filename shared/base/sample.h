@@ -40,8 +40,14 @@ enum sample_kind {
     SAMPLE_JOINT,  // the joint's encoders: channel joint
     SAMPLE_POSE,   // a tracked body or instrument
     SAMPLE_HANDLE, // an instrument's handle: opening and buttons
+    SAMPLE_FORCE,  // how hard a body or an instrument is pressed
     SAMPLE_KIND_COUNT
 };
+
+// Whether it tells where something is: a pose or the joint's angles.
+static inline bool sample_kind_is_motion(enum sample_kind kind) {
+    return kind == SAMPLE_JOINT || kind == SAMPLE_POSE;
+}
 
 enum validity {
     VALIDITY_OK,   // measured at time_ns
@@ -73,10 +79,15 @@ struct sample {
         pose T_mockup_body; // bodies: the bone's frame; instruments: the tip's frame, z along the
                             // shaft away from the handle
         struct handle handle;
+        double force_n; // newtons; above 0: pressed, below: pulled
     };
 };
 
-#define FRAME_SAMPLES_MAX 16
+#define FORCE_MAX_N 1000
+
+// The joint, three bones with pose and force, five instruments with pose, handle and force; or
+// fewer of these and more instruments. More could not go in a datagram (wire/padding.c).
+#define FRAME_SAMPLES_MAX 22
 
 struct frame {
     uint64_t number; // counts up from 1 for each connection of a station
@@ -86,5 +97,6 @@ struct frame {
 };
 
 // True where a frame from outside may be used: counts and enums in range, values finite, rotations
-// of unit length, joint angles within ±180 degrees, translations within ±10 m, openings in [0, 1].
+// of unit length, joint angles within ±180 degrees, translations within ±10 m, openings in [0, 1],
+// forces within ±FORCE_MAX_N and not of the joint.
 bool frame_is_valid(const struct frame *frame);

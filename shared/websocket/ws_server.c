@@ -110,6 +110,8 @@ static uint64_t options_of(enum ws_server_kind kind, const char *address) {
         return options | LWS_SERVER_OPTION_UNIX_SOCK;
     if (kind == WS_SERVER_TLS)
         options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT;
+    if (kind == WS_SERVER_RAW)
+        options |= LWS_SERVER_OPTION_ADOPT_APPLY_LISTEN_ACCEPT_CONFIG;
     return options | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
 }
 
@@ -130,6 +132,8 @@ static void complete(const struct ws_server *server, enum ws_server_kind kind,
     info->options = options_of(kind, info->iface);
     info->user = server->handler.user;
     info->provided_client_ssl_ctx = server->no_client;
+    info->listen_accept_role = kind == WS_SERVER_RAW ? "raw-skt" : NULL;
+    info->listen_accept_protocol = kind == WS_SERVER_RAW ? info->protocols[0].name : NULL;
     info->alpn = kind == WS_SERVER_TLS ? "http/1.1" : NULL;
     info->gid = -1;
     info->uid = -1;

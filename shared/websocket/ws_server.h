@@ -1,5 +1,5 @@
-// The common part of all WebSocket servers: a socket that listens, a thread that serves it, a way
-// for other threads to wake it, and an end with time for last messages. The owner sends and
+// The common part of all servers on libwebsockets: a socket that listens, a thread that serves it,
+// a way for other threads to wake it, and an end with time for last messages. The owner sends and
 // receives in libwebsockets' callbacks; lws_context_user is the handler's `user`.
 #pragma once
 
@@ -13,7 +13,8 @@ struct ws_server;
 enum ws_server_kind {
     WS_SERVER_TLS,   // TCP, with the certificate and the key of `info`
     WS_SERVER_PLAIN, // TCP over IPv4
-    WS_SERVER_LOCAL  // a Unix socket, at the path info.iface
+    WS_SERVER_LOCAL, // a Unix socket, at the path info.iface
+    WS_SERVER_RAW    // TCP without HTTP: connections are LWS_CALLBACK_RAW_ of the first protocol
 };
 
 // The server's thread calls these; none may block. Each may be NULL.

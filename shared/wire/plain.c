@@ -42,6 +42,10 @@ static void sample_from(const struct sample *s, arthron_Sample *out) {
         out->which_value = arthron_Sample_pose_tag;
         out->value.pose = wire_pose_from(s->T_mockup_body);
         break;
+    case SAMPLE_FORCE:
+        out->which_value = arthron_Sample_force_n_tag;
+        out->value.force_n = s->force_n;
+        break;
     default:
         out->which_value = arthron_Sample_handle_tag;
         out->value.handle = (arthron_Handle){s->handle.opening, s->handle.buttons};
@@ -81,6 +85,10 @@ static bool sample_to(const arthron_Sample *m, struct sample *out) {
         out->kind = SAMPLE_HANDLE;
         out->handle = (struct handle){m->value.handle.opening, m->value.handle.buttons};
         return true;
+    case arthron_Sample_force_n_tag:
+        out->kind = SAMPLE_FORCE;
+        out->force_n = m->value.force_n;
+        return true;
     default:
         return false;
     }
@@ -112,6 +120,23 @@ enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct erro
         return fail(err, RESULT_INVALID, "frame %llu: a sample is out of its range",
                     (unsigned long long)m->number);
     return RESULT_OK;
+}
+
+bool wire_frame_reduce(arthron_Frame *m, bool instruments, bool force) {
+    pb_size_t kept = 0;
+    bool all = true;
+    for (pb_size_t i = 0; i < m->samples_count; i++) {
+        const arthron_Sample *s = &m->samples[i];
+        if (!instruments && s->channel >= CHANNEL_FIRST_DESCRIBED)
+            continue;
+        bool is_taken = force || (s->which_value != arthron_Sample_force_n_tag &&
+                                  kept < WIRE_SAMPLES_WITHOUT_FORCE);
+        if (is_taken)
+            m->samples[kept++] = *s;
+        all &= is_taken;
+    }
+    m->samples_count = kept;
+    return all;
 }
 
 // ---- instruments --------------------------------------------------------------------------------
@@ -201,4 +226,28 @@ void wire_knee_to(const arthron_Knee *m, struct knee_frame *out) {
     for (int i = 0; i < out->patella_count; i++)
         out->patella[i] =
             (struct patella_key){m->patella[i].flexion_deg, wire_pose_to(&m->patella[i].pose)};
+}
+
+// ---- markers ------------------------------------------------------------------------------------
+
+_Static_assert(sizeof((arthron_Marker){0}.name) == MARKER_TEXT_MAX &&
+                   sizeof((arthron_Marker){0}.device) == MARKER_TEXT_MAX,
+               "texts of a marker on the wire are those of base/marker.h");
+
+arthron_Marker wire_marker_from(const struct marker *marker) {
+    arthron_Marker out = {
+        .number = marker->number, .time_ns = marker->time_ns, .value = marker->value};
+    memcpy(out.name, marker->name, sizeof out.name);
+    memcpy(out.device, marker->device, sizeof out.device);
+    return out;
+}
+
+enum result wire_marker_to(const arthron_Marker *m, struct marker *out, struct error *err) {
+    *out = (struct marker){.number = m->number, .time_ns = m->time_ns, .value = m->value};
+    memcpy(out->name, m->name, sizeof out->name);
+    memcpy(out->device, m->device, sizeof out->device);
+    if (!marker_is_valid(out) || m->time_ns < 0 || m->time_ns >= WIRE_TIME_MAX_NS)
+        return fail(err, RESULT_FORMAT,
+                    "marker: its name, device, number, value or time is not one");
+    return RESULT_OK;
 }

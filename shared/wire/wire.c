@@ -1,7 +1,6 @@
 #include "wire/wire.h"
 
 #include "base/check.h"
-#include "wire/seal.h"
 
 #include <math.h>
 #include <pb_decode.h>
@@ -36,37 +35,10 @@ _Static_assert((int)arthron_Knee_Side_LEFT == (int)SIDE_LEFT &&
                "sides and keys of the schema are those of base/joint.h");
 _Static_assert(sizeof((arthron_Hello){0}.devices) / sizeof(arthron_Device) == WIRE_DEVICES_MAX,
                "every device can be named in Hello");
-_Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX && arthron_Console_size <= WIRE_CONSOLE_MAX,
+_Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX &&
+                   arthron_Console_size <= WIRE_CONSOLE_MAX && arthron_View_size <= WIRE_VIEW_MAX &&
+                   arthron_Page_size <= WIRE_PAGE_MAX,
                "every message of ours is within its limit");
-_Static_assert(arthron_View_size <= WIRE_VIEW_MAX, "every view is within its limit");
-_Static_assert(arthron_Page_size <= WIRE_PAGE_MAX, "every message of a page is within its limit");
-
-// What a repeated message takes besides itself: its tag, and its length in up to two bytes.
-#define REPEATED_OVERHEAD 3
-#define CHANNEL_SPARE 1 // a channel is below 128: a byte less than the schema has room for
-#define SAMPLE_OVERHEAD (2 - CHANNEL_SPARE) // its length is below 128
-#define FRAME_EMPTY_SIZE 18                 // number and time
-#define INSTRUMENT_SIZE (arthron_WarpedInstrument_size - CHANNEL_SPARE + REPEATED_OVERHEAD)
-#define COUNTS_SIZE (sizeof((arthron_Reply){0}.event_counts) / sizeof(uint32_t) * 6)
-#define CHALLENGE_SIZE 9
-#define FRAMES_SIZE 12 // lost ones and late ones
-#define REPLY_SIZE                                                                                 \
-    (arthron_Reply_size - WIRE_REPLY_INSTRUMENTS * CHANNEL_SPARE - COUNTS_SIZE - CHALLENGE_SIZE -  \
-     FRAMES_SIZE) // these where there is room
-#define REPLY_EMPTY_SIZE (REPLY_SIZE - WIRE_REPLY_INSTRUMENTS * INSTRUMENT_SIZE)
-#define PADDING_OVERHEAD 3
-
-_Static_assert(REPLY_EMPTY_SIZE > 0, "Reply holds its instruments");
-_Static_assert(CHANNEL_COUNT < 128 && arthron_Sample_size < 128,
-               "a channel and a sample's length take one byte");
-_Static_assert(FRAME_EMPTY_SIZE + FRAME_SAMPLES_MAX * (arthron_Sample_size + SAMPLE_OVERHEAD) +
-                       SEAL_OVERHEAD <=
-                   WIRE_DATAGRAM_MAX,
-               "every frame fits a datagram");
-_Static_assert(REPLY_SIZE + PADDING_OVERHEAD + SEAL_OVERHEAD <= WIRE_DATAGRAM_MAX,
-               "every padded frame fits a datagram");
-_Static_assert(REPLY_SIZE <= sizeof((arthron_Frame){0}.padding.bytes),
-               "padding reaches the longest reply");
 
 #define CHUNK_TAG 15 // of mesh_chunk in Control
 #define CHUNK_OVERHEAD 4
@@ -258,6 +230,8 @@ static enum result control_check(arthron_Control *m, struct error *err) {
         return hello_check(&m->message.hello, err);
     case arthron_Control_frame_tag:
         return frame_check(&m->message.frame, err);
+    case arthron_Control_marker_tag:
+        return wire_marker_to(&m->message.marker, &(struct marker){0}, err);
     case arthron_Control_reply_tag:
         return reply_check(&m->message.reply, err);
     case arthron_Control_welcome_tag:
@@ -285,10 +259,9 @@ static enum result reading_check(const arthron_JointReading *m, struct error *er
 }
 
 static enum result command_check(const arthron_Command *m, struct error *err) {
-    enum result result = enum_check("kind", (int)m->kind, _arthron_Command_Kind_ARRAYSIZE, err);
-    if (result == RESULT_OK)
-        result = enum_check("remark: body", (int)m->remark.body, _arthron_Body_ARRAYSIZE, err);
-    return result;
+    if (enum_check("kind", (int)m->kind, _arthron_Command_Kind_ARRAYSIZE, err) != RESULT_OK)
+        return RESULT_FORMAT;
+    return enum_check("remark: body", (int)m->remark.body, _arthron_Body_ARRAYSIZE, err);
 }
 
 static enum result console_check(const arthron_Console *m, struct error *err) {
@@ -473,27 +446,4 @@ struct avatar_extrapolation wire_extrapolation_to(const arthron_WarpedInstrument
         for (int k = 0; k < shape.columns; k++)
             extrapolation.slope[i][k] = m->slope[i * shape.columns + k];
     return extrapolation;
-}
-
-// ---- padding ------------------------------------------------------------------------------------
-
-static size_t longest_reply(const arthron_Frame *m) {
-    bool there[CHANNEL_COUNT] = {false};
-    int instruments = 0;
-    for (int i = 0; i < m->samples_count; i++) {
-        int channel = (int)m->samples[i].channel;
-        instruments += channel >= CHANNEL_FIRST_INSTRUMENT && !there[channel];
-        there[channel] = true;
-    }
-    int told = instruments < WIRE_REPLY_INSTRUMENTS ? instruments : WIRE_REPLY_INSTRUMENTS;
-    return REPLY_EMPTY_SIZE + (size_t)told * INSTRUMENT_SIZE;
-}
-
-void wire_frame_pad(arthron_Frame *m) {
-    size_t size = 0, wanted = longest_reply(m);
-    m->padding.size = 0;
-    bool sized = pb_get_encoded_size(&size, arthron_Frame_fields, m);
-    CHECK(sized);
-    if (size < wanted) // the padding's own tag and length come on top
-        m->padding.size = (pb_size_t)(wanted - size);
 }

@@ -5,6 +5,7 @@
 #include "arthron.pb.h"
 #include "base/extrapolation.h"
 #include "base/instrument.h"
+#include "base/marker.h"
 #include "base/result.h"
 #include "base/sample.h"
 
@@ -20,8 +21,9 @@
 #define WIRE_VIEW_SUBPROTOCOL "arthron-view.1"
 #define WIRE_LIVE_SUBPROTOCOL "arthron-live.1"
 
-#define WIRE_DEVICES_MAX 16      // in Hello, and so in a sample's index
-#define WIRE_REPLY_INSTRUMENTS 5 // in a Reply; where more are present, they take turns
+#define WIRE_DEVICES_MAX 16           // in Hello, and so in a sample's index
+#define WIRE_SAMPLES_WITHOUT_FORCE 16 // in a Frame to a server without the capability "force"
+#define WIRE_REPLY_INSTRUMENTS 5      // in a Reply; where more are present, they take turns
 
 // Largest encoded message of each kind. A longer one is refused before it is decoded.
 #define WIRE_CONTROL_MAX 8192
@@ -55,6 +57,7 @@ enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t 
 //   texts are terminated, counts within their arrays, and enums known (a Refusal's unknown reason
 //   becomes UNKNOWN);
 //   a Hello's residuals are not negative, and its instruments are good descriptions;
+//   a Control's Marker passes wire_marker_to;
 //   each instrument of a Reply that is not lost has a finite pose and a finite extrapolation;
 //   corrections are poses, a SessionChange's knee is valid, and a CommandReply's joint is finite.
 // The handler of a Command looks up the names in it (stations, cases, sessions, files). A message
@@ -86,6 +89,12 @@ void wire_frame_from(const struct frame *frame, arthron_Frame *out_message);
 // WIRE_DEVICES_MAX. No part of *out_frame may then be used.
 enum result wire_frame_to(const arthron_Frame *message, struct frame *out_frame, struct error *err);
 
+// Leaves out what the receiver would refuse the whole frame for: without the capability
+// "instruments" the channels of described ones; without "force" every force, and what is beyond
+// WIRE_SAMPLES_WITHOUT_FORCE samples. False: something else than a described instrument is left
+// out.
+bool wire_frame_reduce(arthron_Frame *message, bool instruments, bool force);
+
 // The extrapolation of an instrument's avatar, in the frame of its body. The first sets the
 // message's extrapolation and trust radius, rounded to floats. The second reads them from a decoded
 // instrument that is not LOST.
@@ -107,6 +116,12 @@ void wire_session_instruments_from(const struct instruments *instruments,
                                    arthron_LiveSession *out_session);
 enum result wire_instruments_to(const arthron_Hello *hello, struct instruments *out_instruments,
                                 struct error *err);
+
+// A marker. wire_marker_to does not set its run. RESULT_FORMAT: it does not pass marker_is_valid,
+// or its time is out of range.
+arthron_Marker wire_marker_from(const struct marker *marker);
+enum result wire_marker_to(const arthron_Marker *message, struct marker *out_marker,
+                           struct error *err);
 
 // How a case's bones are joined. wire_knee_to takes a decoded message.
 void wire_knee_from(const struct knee_frame *knee, arthron_Knee *out_message);

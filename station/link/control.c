@@ -32,12 +32,16 @@ static const lws_retry_bo_t backoff = {
 
 // ---- saying -------------------------------------------------------------------------------------
 
+static void control_encode(const arthron_Control *message, struct control_message *out) {
+    size_t size;
+    enum result result = wire_encode_control(message, out->bytes, sizeof out->bytes, &size);
+    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
+    out->size = (uint32_t)size;
+}
+
 bool control_push(struct ring *queue, const arthron_Control *message) {
     struct control_message out;
-    size_t size;
-    enum result result = wire_encode_control(message, out.bytes, sizeof out.bytes, &size);
-    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
-    out.size = (uint32_t)size;
+    control_encode(message, &out);
     return ring_push(queue, &out);
 }
 
@@ -48,32 +52,24 @@ static void say(struct link *link, const arthron_Control *message) {
 }
 
 static void say_hello(struct link *link) {
-    const struct link_config *config = &link->config;
     arthron_Control message = {.which_message = arthron_Control_hello_tag};
-    arthron_Hello *hello = &message.message.hello;
-    hello->version_min = WIRE_VERSION_MIN;
-    hello->version_max = WIRE_VERSION_MAX;
-    if (config->datagrams)
-        strcpy(hello->capabilities[hello->capabilities_count++], "datagrams");
-    if (config->meshes)
-        strcpy(hello->capabilities[hello->capabilities_count++], "meshes");
-    strcpy(hello->capabilities[hello->capabilities_count++], "path");
-    link_describe(config, hello);
-    snprintf(hello->station, sizeof hello->station, "%s", config->station);
-    snprintf(hello->software, sizeof hello->software, "%s", config->software);
-    hello->devices_count = (pb_size_t)config->device_count;
-    memcpy(hello->devices, config->devices, sizeof hello->devices);
-    hello->connection = link->id;
-    hello->visit = config->visit;
-    hello->has_calibration = config->calibrated;
-    hello->calibration = config->calibration;
+    link_introduce(link, &message.message.hello);
     say(link, &message);
+}
+
+static bool take_marker(struct link *link, struct control_message *out) {
+    arthron_Control message;
+    bool taken = link->control.session_open && link_next_marker(link, &message);
+    if (taken)
+        control_encode(&message, out);
+    return taken;
 }
 
 static int write_next(struct link *link) {
     struct control_message out;
     struct control_connection *control = &link->control;
-    if (!ring_pop(control->queue, &out) && !ring_pop(link->frames, &out))
+    if (!ring_pop(control->queue, &out) && !ring_pop(link->frames, &out) &&
+        !take_marker(link, &out))
         return 0;
     if (lws_write(control->socket, out.bytes, out.size, LWS_WRITE_BINARY) < (int)out.size)
         return -1;
@@ -91,18 +87,9 @@ static bool hand_over(struct link *link, struct arrival *arrival) {
     return write(link->arrival_fd, &one, sizeof one) == sizeof one;
 }
 
-static bool names(const arthron_Welcome *welcome, const char *capability) {
-    for (int i = 0; i < welcome->capabilities_count; i++)
-        if (!strcmp(welcome->capabilities[i], capability))
-            return true;
-    return false;
-}
-
 static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
     link->control.welcomed = true;
-    link->control.meshes = link->config.meshes && names(welcome, "meshes");
-    link->control.path = names(welcome, "path");
-    link_take_descriptions(link, names(welcome, "instruments"));
+    link_agree(link, welcome);
     meshes_set_case(link->meshes, welcome->case_hash);
     atomic_fetch_add(&link->connects, 1);
     pthread_mutex_lock(&link->lock);
@@ -159,6 +146,10 @@ static void hear_change(struct link *link, const arthron_SessionChange *change) 
     meshes_set_case(link->meshes, change->case_hash);
     if (opens && link->control.meshes)
         ask_for_meshes(link);
+    if (opens && link->control.markers) {
+        marker_queue_begin(&link->markers);
+        lws_callback_on_writable(link->control.socket);
+    }
     pthread_mutex_lock(&link->lock);
     bool is_new = change->text[0] && strcmp(link->status.refusal, change->text) != 0;
     link->status.state = (arthron_SessionState)change->state;
@@ -248,6 +239,10 @@ static int hear_welcomed(struct link *link, const arthron_Control *message, int6
     case arthron_Control_reply_tag:
         arrival = (struct arrival){.reply = message->message.reply};
         hand_over(link, &arrival); // full: the caller does not wait for replies
+        return 0;
+    case arthron_Control_marker_ack_tag:
+        marker_queue_acknowledge(&link->markers, message->message.marker_ack.number);
+        lws_callback_on_writable(link->control.socket); // others may go now
         return 0;
     case arthron_Control_resection_tag:
         return 0; // figures for a view

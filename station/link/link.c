@@ -7,6 +7,7 @@
 #include <errno.h>
 #include <openssl/rand.h>
 #include <poll.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -27,6 +28,7 @@ static void follow_connection(struct link *link) {
     sender->path = (struct path){0};
     udp_close(&sender->udp);
     memset(sender->waiting, 0, sizeof sender->waiting);
+    sender->told_left_out = false;
 }
 
 // Counts a reply once, and only to a frame that was sent.
@@ -140,28 +142,78 @@ static bool send_frame(struct link *link, const arthron_Frame *frame) {
     return send_in_control(link, frame) || sent == UDP_SENT;
 }
 
-// ---- described instruments ----------------------------------------------------------------------
+// ---- hello --------------------------------------------------------------------------------------
 
-void link_describe(const struct link_config *config, arthron_Hello *hello) {
+static void describe(const struct link_config *config, arthron_Hello *hello) {
     strcpy(hello->capabilities[hello->capabilities_count++], "instruments");
     for (int i = INSTRUMENTS_USUAL; i < config->instruments.count; i++)
         wire_instrument_from(&config->instruments, i,
                              &hello->instruments[hello->instruments_count++]);
 }
 
-void link_take_descriptions(struct link *link, bool taken) {
+void link_introduce(const struct link *link, arthron_Hello *hello) {
+    const struct link_config *config = &link->config;
+    hello->version_min = WIRE_VERSION_MIN;
+    hello->version_max = WIRE_VERSION_MAX;
+    if (config->datagrams)
+        strcpy(hello->capabilities[hello->capabilities_count++], "datagrams");
+    if (config->meshes)
+        strcpy(hello->capabilities[hello->capabilities_count++], "meshes");
+    strcpy(hello->capabilities[hello->capabilities_count++], "path");
+    strcpy(hello->capabilities[hello->capabilities_count++], "markers");
+    strcpy(hello->capabilities[hello->capabilities_count++], "force");
+    describe(config, hello);
+    snprintf(hello->station, sizeof hello->station, "%s", config->station);
+    snprintf(hello->software, sizeof hello->software, "%s", config->software);
+    hello->devices_count = (pb_size_t)config->device_count;
+    memcpy(hello->devices, config->devices, sizeof hello->devices);
+    hello->connection = link->id;
+    hello->visit = config->visit;
+    hello->has_calibration = config->calibrated;
+    hello->calibration = config->calibration;
+}
+
+static void take_descriptions(struct link *link, bool taken) {
     atomic_store(&link->described, taken);
     if (link->config.instruments.count > INSTRUMENTS_USUAL && !taken)
         log_warning("link", "the server knows no described instruments: they are left out");
 }
 
-// An older server would refuse the whole frame.
-static void leave_out_described(arthron_Frame *frame) {
-    pb_size_t kept = 0;
-    for (pb_size_t i = 0; i < frame->samples_count; i++)
-        if (frame->samples[i].channel < CHANNEL_FIRST_DESCRIBED)
-            frame->samples[kept++] = frame->samples[i];
-    frame->samples_count = kept;
+static void take_markers(struct link *link, bool taken) {
+    link->control.markers = taken;
+    if (taken || link->config.visit)
+        return;
+    marker_queue_refuse(&link->markers);
+    if (link->config.markers)
+        log_warning("link", "the server is too old to take markers: they are not recorded");
+}
+
+static bool names(const arthron_Welcome *welcome, const char *capability) {
+    for (int i = 0; i < welcome->capabilities_count; i++)
+        if (!strcmp(welcome->capabilities[i], capability))
+            return true;
+    return false;
+}
+
+void link_agree(struct link *link, const arthron_Welcome *welcome) {
+    link->control.meshes = link->config.meshes && names(welcome, "meshes");
+    link->control.path = names(welcome, "path");
+    take_descriptions(link, names(welcome, "instruments"));
+    atomic_store(&link->forces, names(welcome, "force"));
+    take_markers(link, names(welcome, "markers"));
+}
+
+// ---- frames -------------------------------------------------------------------------------------
+
+static void leave_out(struct link *link, arthron_Frame *frame) {
+    bool forces = atomic_load(&link->forces);
+    bool all = wire_frame_reduce(frame, atomic_load(&link->described), forces);
+    if (!all && !forces && !link->sender.told_left_out) {
+        log_warning("link",
+                    "the server takes no forces and at most %d channels: others are left out",
+                    WIRE_SAMPLES_WITHOUT_FORCE);
+        link->sender.told_left_out = true;
+    }
 }
 
 bool link_send(struct link *link, const struct frame *frame) {
@@ -171,12 +223,29 @@ bool link_send(struct link *link, const struct frame *frame) {
         return false;
     follow_connection(link);
     wire_frame_from(frame, &message);
-    if (!atomic_load(&link->described))
-        leave_out_described(&message);
+    leave_out(link, &message);
     if (!send_frame(link, &message))
         return false;
     link->sender.waiting[frame->number % FRAMES_REMEMBERED] = frame->number;
     atomic_fetch_add(&link->frames_sent, 1);
+    return true;
+}
+
+// ---- markers ------------------------------------------------------------------------------------
+
+bool link_next_marker(struct link *link, arthron_Control *out_message) {
+    struct marker marker;
+    if (!link->control.markers || !marker_queue_next(&link->markers, &marker))
+        return false;
+    *out_message = (arthron_Control){.which_message = arthron_Control_marker_tag,
+                                     .message.marker = wire_marker_from(&marker)};
+    return true;
+}
+
+bool link_mark(struct link *link, const struct marker *marker) {
+    if (!marker_queue_put(&link->markers, marker))
+        return false;
+    lws_cancel_service(link->control.context);
     return true;
 }
 
@@ -221,6 +290,7 @@ static void release(struct link *link) {
     trust_fini(&link->trust);
     udp_close(&link->sender.udp);
     meshes_destroy(&link->meshes);
+    marker_queue_fini(&link->markers);
     ring_destroy(&link->frames);
     ring_destroy(&link->arrivals);
     close(link->arrival_fd);
@@ -239,7 +309,8 @@ static struct link *prepare(const struct link_config *config) {
     link->config.keys_dir = alloc_text(config->keys_dir);
     link->config.station = alloc_text(config->station);
     link->config.software = alloc_text(config->software);
-    link->meshes = meshes_create();
+    link->meshes = meshes_create(config->meshes_changed, config->meshes_user);
+    marker_queue_init(&link->markers);
     link->frames = ring_create(FRAMES_QUEUED, sizeof(struct control_message));
     link->arrivals = ring_create(ARRIVALS_QUEUED, sizeof(struct arrival));
     link->arrival_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);

@@ -6,6 +6,7 @@
 #include "link/certificate.h"
 #include "link/config.h"
 #include "link/enrol.h"
+#include "link/marker_queue.h"
 #include "link/meshes.h"
 #include "wire/tissue.h"
 #include "wire/wire.h"
@@ -57,6 +58,11 @@ void link_destroy(struct link **link);
 // (no connection, clock unknown, session not open, path full): the frame is dropped, not queued,
 // and its number may be used again. True: it left on one way at least.
 bool link_send(struct link *link, const struct frame *frame);
+
+// A marker, on our clock; from one thread only. Its run and number are set here. It waits until the
+// server has it for good, also while there is no connection. False: it is lost, because
+// MARKERS_QUEUED others wait or the server is too old to take markers.
+bool link_mark(struct link *link, const struct marker *marker);
 
 // Waits until `until_ns` (monotonic) or the next reply. True with a reply; the same thread as
 // link_send.

@@ -47,6 +47,7 @@ struct control_connection {
     bool welcomed;
     bool meshes;       // both sides can
     bool path;         // too: challenges come in replies
+    bool markers;      // too
     bool session_open; // the server said that it takes frames
     int pings;
     int64_t heard_ns; // the last Pong
@@ -64,6 +65,7 @@ struct sender {
     struct udp udp;
     uint64_t challenge;                  // the last that was sent back
     uint64_t waiting[FRAMES_REMEMBERED]; // [number % size]: sent and not answered yet
+    bool told_left_out;                  // of samples that this server does not take
 };
 
 struct link {
@@ -77,11 +79,13 @@ struct link {
     struct control_connection control;
     struct sender sender;
     struct meshes *meshes;
+    struct marker_queue markers;     // caller to control thread
     struct ring *frames;             // caller to control thread: struct control_message
     struct ring *arrivals;           // control thread to caller: struct arrival
     int arrival_fd;                  // eventfd, signalled behind each arrival
     atomic_bool ready;               // the clock is known and the session is open: frames may go
     atomic_bool described;           // the server takes the channels of described instruments
+    atomic_bool forces;              // the server takes forces, and so many samples
     atomic_int path;                 // enum link_path while ready
     atomic_int_fast64_t datagram_ns; // when the last reply came by datagram
     atomic_uint_fast64_t connects, frames_sent, replies, unknown_messages;
@@ -94,9 +98,12 @@ struct link {
 // Encodes a message into a queue of struct control_message. False: it is full.
 bool control_push(struct ring *queue, const arthron_Control *message);
 
-// Instruments that are described to the server, and whether it takes their channels.
-void link_describe(const struct link_config *config, arthron_Hello *hello);
-void link_take_descriptions(struct link *link, bool taken);
+// How a station introduces itself, and what it and the server can both.
+void link_introduce(const struct link *link, arthron_Hello *out_hello);
+void link_agree(struct link *link, const arthron_Welcome *welcome);
+
+// The next marker to send, if the server takes any. False: there is none.
+bool link_next_marker(struct link *link, arthron_Control *out_message);
 
 // Makes the context. The thread then calls control_serve, which returns once link->stopping is set
 // and lws_cancel_service was called.

@@ -22,6 +22,8 @@ struct followed {
 };
 
 struct meshes {
+    meshes_changed *changed;
+    void *user;
     uint64_t case_hash;
     pthread_mutex_t lock; // for count, tissues and their counts
     int count;
@@ -30,8 +32,10 @@ struct meshes {
 
 // ---- life ---------------------------------------------------------------------------------------
 
-struct meshes *meshes_create(void) {
+struct meshes *meshes_create(meshes_changed *changed, void *user) {
     struct meshes *meshes = alloc(1, sizeof *meshes);
+    meshes->changed = changed;
+    meshes->user = user;
     pthread_mutex_init(&meshes->lock, NULL);
     return meshes;
 }
@@ -41,11 +45,17 @@ static void give_up_payload(struct followed *followed) {
     followed->payload = NULL;
 }
 
+static void tell(const struct meshes *meshes, const struct followed *followed) {
+    if (meshes->changed)
+        meshes->changed(meshes->user, followed->group, &followed->tissue);
+}
+
 static void forget_all(struct meshes *meshes) {
     pthread_mutex_lock(&meshes->lock);
     for (int i = 0; i < meshes->count; i++) {
         give_up_payload(&meshes->groups[i]);
         tissue_fini(&meshes->groups[i].tissue);
+        tell(meshes, &meshes->groups[i]);
         meshes->groups[i] = (struct followed){0};
     }
     meshes->count = 0;
@@ -186,6 +196,8 @@ static bool take_payload(struct meshes *meshes, struct followed *followed, arthr
     bool passed = followed->base && followed->base != here && followed->number <= here;
     if (!passed && change_tissue(meshes, followed, &err) != RESULT_OK)
         return ask_again(meshes, followed, err.text, out);
+    if (!passed)
+        tell(meshes, followed);
     give_up_payload(followed);
     followed->failures = 0;
     return acknowledge(followed, out);

@@ -18,7 +18,11 @@ struct link_tissue {
 
 struct meshes;
 
-struct meshes *meshes_create(void);
+// Called on the control thread when a mesh has changed; number 0: there is none any more. The
+// tissue is good until it returns.
+typedef void meshes_changed(void *user, const char *group, const struct tissue *tissue);
+
+struct meshes *meshes_create(meshes_changed *changed, void *user); // changed: NULL is fine
 void meshes_destroy(struct meshes **meshes);
 
 // What the session is on: all meshes of another case are void.

@@ -16,10 +16,9 @@ static const char *const kind_names[CALIBRATION_KIND_COUNT] = {"tip", "registrat
                                                                "delay"};
 
 bool calibration_is_angle(const struct calibration_entry *entry) {
-    return entry->kind == CALIBRATION_DELAY ||
-           (entry->kind == CALIBRATION_ENCODER &&
-            (!strcmp(entry->of, "flexion") || !strcmp(entry->of, "varus") ||
-             !strcmp(entry->of, "internal")));
+    return entry->kind == CALIBRATION_ENCODER &&
+           (!strcmp(entry->of, "flexion") || !strcmp(entry->of, "varus") ||
+            !strcmp(entry->of, "internal"));
 }
 
 static struct calibration_entry *find(struct calibration *c, enum calibration_kind kind,
@@ -47,7 +46,8 @@ struct calibration_summary calibration_summarise(const struct calibration *c) {
         const struct calibration_entry *entry = &c->entries[i];
         double *residual =
             calibration_is_angle(entry) ? &summary.residual_deg : &summary.residual_mm;
-        *residual = fmax(*residual, entry->residual);
+        if (entry->kind != CALIBRATION_DELAY)
+            *residual = fmax(*residual, entry->residual);
         summary.utc_s = entry->utc_s < summary.utc_s ? entry->utc_s : summary.utc_s;
     }
     return summary;

@@ -63,7 +63,7 @@ bool calibration_is_angle(const struct calibration_entry *entry); // its residua
 // What the server is told: the oldest date, the largest residuals. Not for an empty calibration.
 struct calibration_summary {
     int64_t utc_s;
-    double residual_mm, residual_deg;
+    double residual_mm, residual_deg; // those of delays aside, which are judged as they are found
 };
 
 struct calibration_summary calibration_summarise(const struct calibration *calibration);

@@ -106,6 +106,11 @@ static void *find_view(void *user, const char *name, struct error *err) {
     return &((struct station_config *)user)->view;
 }
 
+static void *find_openigtlink(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return &((struct station_config *)user)->openigtlink;
+}
+
 static void *find_device(void *user, const char *name, struct error *err) {
     struct station_config *c = user;
     struct station_device *device = station_config_device(c, name);
@@ -142,6 +147,13 @@ static const struct setting_key view_keys[] = {
     {0},
 };
 
+static const struct setting_key openigtlink_keys[] = {
+    {"port", SETTING_INTEGER, SETTING_IN(struct igtl_server_config, port), 0, 65535},
+    {"address", SETTING_TEXT, SETTING_IN(struct igtl_server_config, address)},
+    {"rate_hz", SETTING_NUMBER, SETTING_IN(struct igtl_server_config, rate_hz), 1, 2000},
+    {0},
+};
+
 static const struct setting_key device_keys[] = {
     {"*", .take = take_option, .wanted = "left out: the device has as many keys as it may have"},
     {0},
@@ -154,6 +166,7 @@ static void *find_instrument(void *user, const char *name, struct error *err) {
 static const struct setting_section sections[] = {
     {"station", station_keys, find_station},
     {"view", view_keys, find_view},
+    {"openigtlink", openigtlink_keys, find_openigtlink},
     {"instrument NAME", instrument_keys, find_instrument},
     {"device NAME", device_keys, find_device},
     {0},
@@ -191,6 +204,7 @@ enum result station_config_load(const char *path, const struct setting_override 
     config->rate_hz = 200;
     config->instruments = *instruments_usual();
     config->datagrams = true;
+    config->openigtlink.rate_hz = 60;
     enum result result = settings_load(path, overrides, override_count, sections, config, err);
     if (result == RESULT_OK) {
         result = complete(config, err);

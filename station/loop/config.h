@@ -3,13 +3,15 @@
 //   [station]      name, server = HOST:PORT, keys = DIR, rate_hz, datagrams = yes|no,
 //                  calibration = FILE
 //   [view]         port, origins, token = FILE
+//   [openigtlink]  port, address, rate_hz
 //   [instrument NAME]  kind, cuts, button, length_mm, width_mm, thickness_mm, opening_deg, colour
 //   [device NAME]  driver, and the keys of that driver (docs/CONFIG.md)
 #pragma once
 
 #include "base/instrument.h"
 #include "base/result.h"
-#include "device/device.h"
+#include "drivers/device.h"
+#include "igtl/server.h"
 #include "loop/calibration.h"
 #include "settings/settings.h"
 #include "view/view.h"
@@ -29,10 +31,11 @@ struct station_config {
     char keys_dir[256];
     double rate_hz;
     bool datagrams;
-    struct view_config view;        // port 0: there is none
-    char calibration_path[256];     // empty: none is named
-    struct calibration calibration; // what is in it; empty where there is no such file yet
-    struct instruments instruments; // described ones behind the usual ones
+    struct view_config view;               // port 0: there is none
+    struct igtl_server_config openigtlink; // port 0: there is none
+    char calibration_path[256];            // empty: none is named
+    struct calibration calibration;        // what is in it; empty where there is no such file yet
+    struct instruments instruments;        // described ones behind the usual ones
     int device_count;
     struct station_device devices[STATION_DEVICES_MAX];
 };

@@ -1,5 +1,5 @@
 // The calibration in the place of what the config says.
-#include "device/options.h"
+#include "drivers/options.h"
 #include "loop/config.h"
 
 #include <stdio.h>

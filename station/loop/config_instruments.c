@@ -10,6 +10,7 @@ static const char *const kind_names[] = {"tip", "jaw", "burr", "blade", "optic",
 static bool take_colour(void *target, const char *rest, const char *value) {
     (void)rest;
     struct instrument *instrument = target;
+    value += value[0] == '#';
     if (strlen(value) != 6 || strspn(value, "0123456789abcdefABCDEF") != 6)
         return false;
     instrument->colour = (uint32_t)strtoul(value, NULL, 16);
@@ -26,7 +27,7 @@ const struct setting_key instrument_keys[] = {
     {"width_mm", SETTING_NUMBER, IN(width_mm), 0.5, 20},
     {"thickness_mm", SETTING_NUMBER, IN(thickness_mm), 0.1, 2},
     {"opening_deg", SETTING_NUMBER, IN(opening_deg), 5, 90},
-    {"colour", .take = take_colour, .wanted = "six hexadecimal digits, as ffcc00"},
+    {"colour", .take = take_colour, .wanted = "six hexadecimal digits, as #ffcc00"},
     {0},
 };
 

@@ -3,9 +3,10 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "device/runner.h"
 #include "link/link.h"
 #include "loop/meter.h"
+#include "samples/runner.h"
+#include "view/openigtlink.h"
 #include "view/predict.h"
 #include "view/token.h"
 
@@ -25,17 +26,20 @@ struct loop {
     struct runner *runner;
     struct link *link;
     struct predict *predict;
-    struct view *view; // NULL: there is none
+    struct view *view;               // NULL: there is none
+    struct openigtlink *openigtlink; // NULL: there is none
     uint64_t session_seen;
     uint64_t sent, warped;
     struct tally { // of the server's, which begins anew with each connection
         uint32_t told;
         uint64_t all;
     } lost, late;
+    uint64_t markers_lost, markers_lost_told;
     uint64_t connection;
     struct meter whole, second; // round trips: since the start, since the last live line
     uint64_t warped_second;
     double alignment_ms;   // since the last live line, at most
+    struct sample pressed; // the largest force since then; its time is 0: none
     uint64_t holds_logged; // of which connection
     bool was_lost[RUNNER_DEVICES_MAX];
 };
@@ -55,10 +59,25 @@ static void follow_session(struct loop *loop) {
 
 static void show(struct loop *loop) {
     arthron_View message;
-    if (!loop->view || !view_is_watched(loop->view))
+    bool viewed = loop->view && view_is_watched(loop->view);
+    bool outside =
+        loop->openigtlink && openigtlink_follow(loop->openigtlink, predict_state(loop->predict));
+    if (!viewed && !outside)
         return;
     predict_view(loop->predict, &message);
-    view_show(loop->view, &message);
+    if (viewed)
+        view_show(loop->view, &message);
+    if (outside)
+        openigtlink_show(loop->openigtlink, &message);
+}
+
+static void note_forces(struct loop *loop, const struct frame *frame) {
+    for (int i = 0; i < frame->count; i++) {
+        const struct sample *s = &frame->samples[i];
+        if (s->kind == SAMPLE_FORCE && s->validity == VALIDITY_OK &&
+            (!loop->pressed.time_ns || fabs(s->force_n) > fabs(loop->pressed.force_n)))
+            loop->pressed = *s;
+    }
 }
 
 // What can be sent was preceded by word of its session.
@@ -66,11 +85,21 @@ static void send_frame(struct loop *loop) {
     struct frame frame = {.number = loop->sent + 1, .time_ns = clock_now_ns()};
     runner_collect(loop->runner, frame.time_ns, &frame);
     loop->alignment_ms = fmax(loop->alignment_ms, runner_alignment_ms(loop->runner));
+    note_forces(loop, &frame);
     bool sent = link_send(loop->link, &frame);
     loop->sent += sent;
     follow_session(loop);
     predict_frame(loop->predict, &frame, sent);
     show(loop);
+}
+
+static void send_markers(struct loop *loop) {
+    struct marker marker;
+    while (runner_next_marker(loop->runner, &marker)) {
+        loop->markers_lost += !link_mark(loop->link, &marker);
+        if (loop->openigtlink)
+            openigtlink_mark(loop->openigtlink, &marker);
+    }
 }
 
 static void take_count(struct tally *tally, uint32_t told) {
@@ -129,19 +158,22 @@ static uint64_t count_unanswered(const struct loop *loop) {
 static void print_live(struct loop *loop) {
     struct link_status status;
     link_get_status(loop->link, &status);
-    char age[64] = "";
+    char more[128] = "";
     double latency_ms = filter_latency_ms(loop);
     if (latency_ms > 0)
-        snprintf(age, sizeof age, "  filter %.1f ms", latency_ms);
+        snprintf(more, sizeof more, "  filter %.1f ms", latency_ms);
     if (loop->alignment_ms > 0)
-        snprintf(age + strlen(age), sizeof age - strlen(age), "  alignment %.1f ms",
+        snprintf(more + strlen(more), sizeof more - strlen(more), "  alignment %.1f ms",
                  loop->alignment_ms);
+    if (loop->pressed.time_ns)
+        snprintf(more + strlen(more), sizeof more - strlen(more), "  force %.1f N (%s)",
+                 loop->pressed.force_n, channel_name(loop->pressed.channel));
     printf("%5" PRIu64
            " poses/s  round trip %6.0f us p50 %6.0f us p99  warp %5.2f mm  unanswered %" PRIu64
            "%s  %s%s%s\n",
            loop->warped_second, meter_percentile_us(&loop->second, 0.5),
            meter_percentile_us(&loop->second, 0.99), predict_warp_mm(loop->predict),
-           count_unanswered(loop), age, path_name(status.path), status.refusal[0] ? ": " : "",
+           count_unanswered(loop), more, path_name(status.path), status.refusal[0] ? ": " : "",
            status.refusal);
     fflush(stdout);
 }
@@ -179,14 +211,32 @@ static void log_holds(struct loop *loop) {
     }
 }
 
+// What found no room on its way to the server, and what came too fast from a device.
+static void log_markers(struct loop *loop) {
+    uint64_t lost = loop->markers_lost;
+    for (int i = 0; i < runner_count(loop->runner); i++) {
+        struct device_status status;
+        runner_status(loop->runner, i, &status);
+        lost += status.markers_lost;
+    }
+    if (lost > loop->markers_lost_told)
+        log_warning("station",
+                    "%" PRIu64 " markers were lost: they came too fast, or too many wait for the "
+                    "server, or it takes none",
+                    lost - loop->markers_lost_told);
+    loop->markers_lost_told = lost;
+}
+
 static void each_second(struct loop *loop) {
     log_holds(loop);
+    log_markers(loop);
     if (loop->options->live)
         print_live(loop);
     log_devices(loop);
     meter_clear(&loop->second);
     loop->warped_second = 0;
     loop->alignment_ms = 0;
+    loop->pressed.time_ns = 0;
 }
 
 static json_t *tissues_as_json(struct link *link) {
@@ -251,6 +301,7 @@ static void run(struct loop *loop) {
             second_ns += NS_PER_S;
         }
         send_frame(loop);
+        send_markers(loop);
         tick_ns += period_ns;
         if (tick_ns < now_ns - period_ns || tick_ns > now_ns + period_ns)
             tick_ns = now_ns;
@@ -312,7 +363,16 @@ static enum result start(struct loop *loop, struct error *err) {
     enum result result = runner_create(devices, config->device_count, &loop->runner, err);
     if (result != RESULT_OK)
         return result;
+    if (config->openigtlink.port) // before the link, which tells it of meshes
+        result = openigtlink_create(&config->openigtlink, &loop->openigtlink, err);
+    if (result != RESULT_OK)
+        return result;
     struct link_config link = loop_link_config(config);
+    if (loop->openigtlink) {
+        link.meshes_changed = openigtlink_mesh;
+        link.meshes_user = loop->openigtlink;
+    }
+    link.markers = runner_has_markers(loop->runner);
     result = link_create(&link, &loop->link, err);
     return result == RESULT_OK && config->view.port ? open_view(loop, err) : result;
 }
@@ -333,6 +393,7 @@ enum result loop_run(const struct station_config *config, const struct loop_opti
     predict_destroy(&loop->predict);
     if (loop->link)
         link_destroy(&loop->link);
+    openigtlink_destroy(&loop->openigtlink);
     runner_destroy(&loop->runner);
     free(loop);
     return result;

@@ -2,10 +2,9 @@
 #pragma once
 
 #include "encode.h"
+#include "igtl/framing.h"
 
 #include <stdbool.h>
-
-#define CLIENT_BYTES_MAX 1024
 
 struct client {
     int fd;
@@ -17,8 +16,7 @@ struct client {
     enum message_type type; // that it asked for
     int64_t interval_ns;    // the shortest between two messages
     int64_t sent_ns;
-    size_t used;
-    uint8_t bytes[CLIENT_BYTES_MAX]; // of a message that is not complete
+    struct igtl_framing framing;
 };
 
 // Reads what is there and answers requests. False: it has gone, or sends what is no OpenIGTLink.

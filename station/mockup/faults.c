@@ -29,6 +29,7 @@ static const char *const what_names[FAULT_WHAT_COUNT + 1] = {
     [FAULT_CLOCK_DRIFT] = "clock-drift",
     [FAULT_NEWER_VERSION] = "newer-version",
     [FAULT_HALF_MESSAGE] = "half-message",
+    [FAULT_MISSING] = "missing",
 };
 
 static const struct fault_kind {
@@ -50,6 +51,7 @@ static const struct fault_kind {
     [FAULT_CLOCK_DRIFT] = {OF(FAULT_TRACKER), true},
     [FAULT_NEWER_VERSION] = {OF(FAULT_MODBUS) | OF(FAULT_TRACKER), false},
     [FAULT_HALF_MESSAGE] = {EVERYONE, false},
+    [FAULT_MISSING] = {OF(FAULT_TRACKER), false},
 };
 
 // ---- the file -----------------------------------------------------------------------------------

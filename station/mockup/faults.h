@@ -28,6 +28,7 @@ enum fault_what {
     FAULT_CLOCK_DRIFT,   // value: s a second
     FAULT_NEWER_VERSION, // messages of a version that does not exist yet
     FAULT_HALF_MESSAGE,  // only the first half of a message
+    FAULT_MISSING,       // it says where a tool is, and that this means nothing
     FAULT_WHAT_COUNT
 };
 

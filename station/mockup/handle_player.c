@@ -34,7 +34,8 @@ static enum result send_report(const struct handle_player *p, double due, struct
         opening += jump->value / 100;
     if (noise)
         opening += noise->value / 100 * faults_noise();
-    handle_report(opening, opening < closed_opening, report);
+    unsigned buttons = (opening < closed_opening) | (unsigned)player_pulse(clock_now_ns()) << 1;
+    handle_report(opening, (uint8_t)buttons, report);
     size_t size = faults_spoil(p->faults, FAULT_HID, due, report, sizeof report);
     return handle_send(p->handle, report, size, err);
 }

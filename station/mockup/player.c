@@ -16,3 +16,7 @@ int64_t player_row_ns(const struct player *player, int64_t round, int row) {
     double seconds = r->t_seconds[row] - r->t_seconds[0] + (double)round * recording_period(r);
     return player->start_ns + (int64_t)(seconds * NS_PER_S);
 }
+
+bool player_pulse(int64_t now_ns) {
+    return now_ns % PLAYER_PULSE_NS < PLAYER_PULSE_NS / 2;
+}

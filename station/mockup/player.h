@@ -2,7 +2,7 @@
 // program.
 #pragma once
 
-#include "device/recording.h"
+#include "drivers/recording.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -19,3 +19,8 @@ double player_file_time(const struct player *player, double seconds);
 
 // When the file's row is played for the `round`th time, from 0.
 int64_t player_row_ns(const struct player *player, int64_t round, int row);
+
+// What a device that synchronises others does: it is on in the first half of each quarter of a
+// second of the PC's monotonic clock, so every program on this PC knows when.
+#define PLAYER_PULSE_NS INT64_C(250000000)
+bool player_pulse(int64_t now_ns);

@@ -3,7 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "device/socket.h"
+#include "drivers/socket.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -30,10 +30,13 @@ enum {
     BUTTONS,
     SHAVER_BUTTONS,
     NUMBER,
+    PULSES,
     FLOATS = 12,  // two registers for each of the joint's values
     WHOLES = 24,  // too
     ENCODER = 36, // two registers
-    REGISTERS = 38
+    FORCE = 38,
+    FORCE_VECTOR = 40, // two registers for each of three components
+    REGISTERS = 46
 };
 
 enum { JOINT_VALUES = 6, REQUEST_BYTES = 8, PATIENCE_MS = 5 };
@@ -89,6 +92,22 @@ static void spoil_joint(struct slave *s, double seconds, double values[JOINT_VAL
     }
 }
 
+// Pressed along a direction that is oblique to all axes of the gauge.
+static void set_force(const struct slave *s, double newtons, uint16_t *registers) {
+    static const double direction[3] = {0.48, -0.6, 0.64};
+    registers[FORCE] = (uint16_t)steps(100 * newtons, INT16_MIN, INT16_MAX);
+    for (int i = 0; i < 3; i++)
+        set_float(s, newtons * direction[i], registers + FORCE_VECTOR + 2 * i);
+}
+
+// The first tool's that has one.
+static double force_at(const struct recording *r, double t) {
+    for (int i = 0; i < r->tool_count; i++)
+        if (r->tools[i].has_force)
+            return recording_tool_at(r, i, t).force_n;
+    return 0;
+}
+
 static void set_handles(const struct recording *r, double t, uint16_t *registers) {
     for (int i = 0; i < r->tool_count; i++) {
         double opening = recording_tool_at(r, i, t).opening;
@@ -99,6 +118,11 @@ static void set_handles(const struct recording *r, double t, uint16_t *registers
         if (r->tools[i].has_opening && r->tools[i].channel == CHANNEL_SHAVER)
             registers[SHAVER_BUTTONS] = opening >= running_opening;
     }
+}
+
+// That came up to an update: while the sequence stands still, no more come.
+static uint16_t pulses_of(const struct slave *s, double seconds) {
+    return (uint16_t)((s->player->start_ns + (int64_t)(seconds * NS_PER_S)) / PLAYER_PULSE_NS);
 }
 
 // What slave `number` says of the time `time_s`; faults are those of `seconds`.
@@ -119,8 +143,10 @@ static void set_registers(struct slave *s, int number, double time_s, double sec
     set_handles(r, t, registers);
     registers[OPENING] = isnan(joint[0]) ? 0x8000 : registers[OPENING];
     set_joint(s, joint, registers);
+    set_force(s, isnan(joint[0]) ? NAN : force_at(r, t), registers);
     registers[SEQUENCE] = (uint16_t)(int64_t)updates;
     registers[NUMBER] = (uint16_t)number;
+    registers[PULSES] = pulses_of(s, updates / s->update_hz);
     for (int i = 0; i < REGISTERS; i++)
         registers[i] = modbus_word(s->order, registers[i]);
 }
@@ -248,6 +274,7 @@ static void reply(struct slave *s, int master, uint8_t *request, int length,
         request[function - 1]++;
         memset(mapping->tab_registers, 0, REGISTERS * sizeof(uint16_t));
     }
+    mapping->tab_bits[0] = mapping->tab_input_bits[0] = player_pulse(clock_now_ns());
     memcpy(mapping->tab_input_registers, mapping->tab_registers, REGISTERS * sizeof(uint16_t));
     if (faults_strike(s->faults, FAULT_MODBUS, FAULT_NEWER_VERSION, seconds))
         request[function] = unknown_function;
@@ -377,7 +404,7 @@ static bool plug(struct slave *s) {
 
 void *slave_run(void *slave) {
     struct slave *s = slave;
-    modbus_mapping_t *mapping = modbus_mapping_new(0, 0, REGISTERS, REGISTERS);
+    modbus_mapping_t *mapping = modbus_mapping_new(1, 1, REGISTERS, REGISTERS);
     CHECK(mapping);
     while (!atomic_load(s->stop))
         if (plug(s))

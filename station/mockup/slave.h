@@ -3,7 +3,7 @@
 #pragma once
 
 #include "base/result.h"
-#include "device/modbus_value.h"
+#include "drivers/modbus_value.h"
 #include "faults.h"
 #include "player.h"
 

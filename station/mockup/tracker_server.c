@@ -2,7 +2,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "device/socket.h"
+#include "drivers/socket.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -64,6 +64,7 @@ static int visible_tools(const struct tracker_server *s, const struct cursor *c,
             continue;
         pose T_tracker_tip = pose_compose(s->T_tracker_mockup, state.pose);
         out[count].name = channel_name(channel);
+        out[count].missing = false;
         out[count++].T_tracker_tool =
             pose_compose(T_tracker_tip, pose_inverse(s->T_tool_tip[channel]));
     }
@@ -80,6 +81,7 @@ static void spoil_tools(const struct tracker_server *s, double seconds, struct t
     const struct fault *jump = strike(s, FAULT_JUMP, seconds);
     const struct fault *noise = strike(s, FAULT_NOISE, seconds);
     const struct fault *nan = strike(s, FAULT_NAN, seconds);
+    bool missing = strike(s, FAULT_MISSING, seconds);
     for (int i = 0; i < count; i++) {
         vec3 *p = &tools[i].T_tracker_tool.translation;
         if (jump)
@@ -90,6 +92,8 @@ static void spoil_tools(const struct tracker_server *s, double seconds, struct t
         }
         if (nan)
             p->x = NAN;
+        if (missing)
+            tools[i] = (struct tracked_tool){tools[i].name, pose_identity(), true};
     }
 }
 
@@ -126,15 +130,41 @@ static void send_to_all(const struct tracker_server *s, struct clients *clients,
     }
 }
 
+// To all who get a stream.
+static void play_forces(const struct tracker_server *s, const struct cursor *c, double due,
+                        double seconds, int version, struct clients *clients) {
+    const struct recording *r = &s->player->recording;
+    for (int i = 0; i < r->tool_count; i++) {
+        char device[32];
+        uint8_t bytes[ENCODE_ANSWER_MAX];
+        if (!r->tools[i].has_force)
+            continue;
+        double newtons = state_of(s, c, i, due, seconds).force_n;
+        snprintf(device, sizeof device, "%sForce", channel_name(r->tools[i].channel));
+        size_t size = encode_force(version, stamp_ns(s, due, seconds), device,
+                                   strike(s, FAULT_NAN, due) ? NAN : newtons, bytes);
+        size = faults_spoil(s->faults, FAULT_TRACKER, due, bytes, size);
+        for (int k = clients->count - 1; k >= 0; k--) {
+            const struct client *client = &clients->list[k];
+            if ((!s->when_asked || (client->asked && !client->once)) &&
+                !client_send(client, bytes, size))
+                drop(clients, k);
+        }
+    }
+}
+
 static void play(const struct tracker_server *s, const struct cursor *c, struct clients *clients) {
     struct tracked_tool tools[CHANNEL_COUNT];
     uint8_t bytes[ENCODE_BYTES_MAX];
     double due = player_seconds(s->player, due_ns(s, c));
     double seconds = faults_time(s->faults, FAULT_TRACKER, due);
-    int count = visible_tools(s, c, due, seconds, tools);
-    if (!count || strike(s, FAULT_DROPOUT, due))
-        return;
     int version = strike(s, FAULT_NEWER_VERSION, due) ? newer_version : s->header_version;
+    if (strike(s, FAULT_DROPOUT, due))
+        return;
+    play_forces(s, c, due, seconds, version, clients);
+    int count = visible_tools(s, c, due, seconds, tools);
+    if (!count)
+        return;
     spoil_tools(s, due, tools, count);
     bool streams = s->type == MESSAGE_TDATA || s->type == MESSAGE_QTDATA;
     for (int t = MESSAGE_TRANSFORM; t <= MESSAGE_QTDATA; t++) {

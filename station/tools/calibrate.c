@@ -89,7 +89,8 @@ static bool take_option(int option, struct calibrate_arguments *out) {
         out->device = optarg;
         return true;
     case 'C':
-        return take_channel(optarg, &out->channel);
+        out->channel_name = optarg;
+        return true;
     case 't':
         return number_double(optarg, 0.1, 600, &out->seconds) ||
                !argument_wrong(program, "--seconds %s: must be from 0.1 to 600", optarg);
@@ -113,16 +114,17 @@ static bool take_option(int option, struct calibrate_arguments *out) {
 
 static bool is_complete(const struct calibrate_arguments *a, enum calibration_kind kind) {
     bool needed[CALIBRATION_KIND_COUNT] = {
-        [CALIBRATION_TIP] = a->channel != CHANNEL_COUNT,
-        [CALIBRATION_REGISTRATION] = a->channel != CHANNEL_COUNT && a->points,
+        [CALIBRATION_TIP] = a->channel_name,
+        [CALIBRATION_REGISTRATION] = a->channel_name && a->points,
         [CALIBRATION_ENCODER] = a->key && a->value_count,
-        [CALIBRATION_DELAY] = a->channel != CHANNEL_COUNT,
+        [CALIBRATION_DELAY] = a->channel_name,
     };
     return a->config && (a->device || kind == CALIBRATION_DELAY) && needed[kind];
 }
 
 static void print(const struct calibration_entry *entry, json_t *report, bool json) {
-    const char *unit = calibration_is_angle(entry) ? "degrees" : "mm";
+    bool in_degrees = calibration_is_angle(entry) || entry->kind == CALIBRATION_DELAY;
+    const char *unit = in_degrees ? "degrees" : "mm";
     json_object_set_new(report, "residual", json_real(entry->residual));
     if (!json) {
         printf("%s%s%s: residual %.2f %s; %s\n", entry->device, entry->of[0] ? " " : "", entry->of,
@@ -165,11 +167,16 @@ static enum result calibrate(struct station_config *config, int part,
     return result;
 }
 
-static int run(int part, const struct calibrate_arguments *arguments) {
+// The config names the instruments that it describes.
+static int run(int part, struct calibrate_arguments *arguments) {
     struct station_config *config;
     struct error err;
     if (station_config_load(arguments->config, NULL, 0, &config, &err) != RESULT_OK) {
         log_error("station", "%s", err.text);
+        return 2;
+    }
+    if (arguments->channel_name && !take_channel(arguments->channel_name, &arguments->channel)) {
+        station_config_destroy(&config);
         return 2;
     }
     enum result result = calibrate(config, part, arguments, &err);
@@ -179,7 +186,7 @@ static int run(int part, const struct calibrate_arguments *arguments) {
     return result == RESULT_OK ? 0 : 1;
 }
 
-static int find_and_run(char **words, int count, const struct calibrate_arguments *arguments) {
+static int find_and_run(char **words, int count, struct calibrate_arguments *arguments) {
     const char *names[PART_COUNT + 1] = {NULL};
     if (count != 1)
         return argument_wrong(program, "one of tip, landmarks, encoder and delay is needed");
@@ -211,5 +218,7 @@ int tool_calibrate(int argc, char **argv) {
         }
         good = take_option(o, &arguments);
     }
+    if (good && arguments.channel_name && !arguments.config)
+        good = take_channel(arguments.channel_name, &arguments.channel);
     return good ? find_and_run(argv + optind, argc - optind, &arguments) : 2;
 }

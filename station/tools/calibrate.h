@@ -8,7 +8,7 @@
 #define CALIBRATE_VALUES_MAX 32
 
 struct calibrate_arguments {
-    const char *config, *device, *key, *points;
+    const char *config, *device, *key, *points, *channel_name;
     enum channel channel;
     double seconds;
     int value_count;

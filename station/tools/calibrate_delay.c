@@ -1,6 +1,8 @@
 #include "base/check.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "calibrate/delay.h"
+#include "drivers/options.h"
 #include "tools/calibrate.h"
 
 #include <stdio.h>
@@ -46,23 +48,52 @@ static enum result fit(const struct gather_wish wishes[2], struct delay_fit *out
     return result;
 }
 
-// The later of the two devices gets the delay.
-static void describe(const struct station_config *config, const struct gather_wish wishes[2],
-                     const struct delay_fit *fit, struct calibration_entry *out, json_t *report) {
-    bool tool_is_late = fit->delay_ms >= 0;
-    const struct sample *of_late = wishes[tool_is_late].samples;
-    const char *device = config->devices[of_late->device].config.name;
-    snprintf(out->device, sizeof out->device, "%s", device);
-    out->delay_ms = fabs(fit->delay_ms);
+// What the config and the file say so far, by device.
+static void read_delays(const struct station_config *config, double out_ms[STATION_DEVICES_MAX]) {
+    for (int i = 0; i < config->device_count; i++) {
+        const char *text = option_text(&config->devices[i].config, "delay_ms");
+        out_ms[i] = text ? strtod(text, NULL) : 0;
+    }
+}
+
+static void name_device(const struct station_config *config, const struct gather_wish *wish,
+                        struct calibration_entry *entry) {
+    snprintf(entry->device, sizeof entry->device, "%s",
+             config->devices[wish->samples->device].config.name);
+}
+
+// The joint's delay stays, and the tool's is what it comes later than that. Only where that is
+// negative, the joint gets more, and the tool none.
+static enum result describe(struct station_config *config, const struct gather_wish wishes[2],
+                            const double delays_ms[STATION_DEVICES_MAX],
+                            const struct delay_fit *fit, struct calibration_entry *out,
+                            json_t *report, struct error *err) {
+    double tool_ms = fit->delay_ms + delays_ms[wishes[0].samples->device];
+    bool tool_is_late = tool_ms >= 0;
+    name_device(config, &wishes[tool_is_late], out);
+    out->delay_ms = tool_is_late ? tool_ms : -fit->delay_ms;
     out->residual = fit->residual_deg;
     snprintf(out->details, sizeof out->details,
-             "%.1f ms later than the %s, known to %.1f ms; flexion over %.0f degrees, at %.0f "
-             "degrees a second",
-             out->delay_ms, tool_is_late ? "joint" : channel_name(wishes[1].channel),
-             2 * fit->uncertainty_ms, fit->range_deg, fit->speed_deg_s);
-    json_object_set_new(report, "late_device", json_string(device));
+             "the %s comes %.1f ms after the %s, known to %.1f ms; flexion over %.0f degrees, at "
+             "%.0f degrees a second",
+             channel_name(wishes[fit->delay_ms >= 0].channel), fabs(fit->delay_ms),
+             channel_name(wishes[fit->delay_ms < 0].channel), 2 * fit->uncertainty_ms,
+             fit->range_deg, fit->speed_deg_s);
+    json_object_set_new(report, "late_device", json_string(out->device));
     json_object_set_new(report, "delay_ms", json_real(out->delay_ms));
     json_object_set_new(report, "uncertainty_ms", json_real(fit->uncertainty_ms));
+    if (tool_is_late)
+        return RESULT_OK;
+    struct calibration_entry tool = *out;
+    name_device(config, &wishes[1], &tool);
+    tool.delay_ms = 0;
+    tool.utc_s = clock_utc_ns() / NS_PER_S;
+    log_warning("station",
+                "the joint is the late one: calibrate the delays of other trackers again");
+    return calibration_put(&config->calibration, &tool)
+               ? RESULT_OK
+               : fail(err, RESULT_LIMIT, "%s: the file has no room for another part",
+                      config->calibration_path);
 }
 
 enum result calibrate_delay(struct station_config *config,
@@ -71,16 +102,17 @@ enum result calibrate_delay(struct station_config *config,
     struct gather_wish wishes[2] = {{CHANNEL_JOINT, SAMPLE_JOINT, NULL, SAMPLES_MAX, 0},
                                     {arguments->channel, SAMPLE_POSE, NULL, SAMPLES_MAX, 0}};
     struct delay_fit found;
+    double delays_ms[STATION_DEVICES_MAX];
     for (int i = 0; i < 2; i++)
         wishes[i].samples = alloc(SAMPLES_MAX, sizeof *wishes[i].samples);
     enum result result = station_config_calibrate(config, err);
+    read_delays(config, delays_ms);
     if (result == RESULT_OK)
         result = take_motion(config, arguments, wishes, err);
-    if (result == RESULT_OK) {
+    if (result == RESULT_OK)
         result = fit(wishes, &found, err);
-        if (result == RESULT_OK)
-            describe(config, wishes, &found, out, report);
-    }
+    if (result == RESULT_OK)
+        result = describe(config, wishes, delays_ms, &found, out, report, err);
     for (int i = 0; i < 2; i++)
         free(wishes[i].samples);
     return result;

@@ -4,10 +4,11 @@
 #include "base/clock.h"
 #include "base/number.h"
 #include "calibrate/noise.h"
-#include "device/runner.h"
 #include "loop/loop.h"
+#include "samples/runner.h"
 #include "tools/findings.h"
 #include "tools/tools.h"
+#include "view/openigtlink.h"
 #include "view/token.h"
 
 #include <getopt.h>
@@ -19,6 +20,7 @@
 #define POINTS_MAX 8192 // of one channel
 #define DAY_S 86400
 #define NOISE_MAX_MM 1.0
+#define FORCE_AT_REST_MAX_N 0.5
 #define CALIBRATION_DAYS 30
 #define CALIBRATION_MAX 1.0 // mm, degrees
 #define CERTIFICATE_DAYS 30
@@ -47,6 +49,12 @@ struct track {
     vec3 points[POINTS_MAX];
 };
 
+// The forces of one channel.
+struct pressure {
+    int count;
+    double least_n, most_n;
+};
+
 struct check {
     struct station_config *config;
     struct findings findings;
@@ -54,9 +62,16 @@ struct check {
     struct link *link;
     struct frame frame; // the newest
     struct track tracks[FRAME_SAMPLES_MAX];
+    struct pressure pressures[FRAME_SAMPLES_MAX];
 };
 
 // ---- looking ------------------------------------------------------------------------------------
+
+static void take_force(struct pressure *p, double force_n) {
+    p->least_n = p->count ? fmin(p->least_n, force_n) : force_n;
+    p->most_n = p->count ? fmax(p->most_n, force_n) : force_n;
+    p->count++;
+}
 
 static void look_once(struct check *check) {
     check->frame = (struct frame){.count = 0};
@@ -64,6 +79,8 @@ static void look_once(struct check *check) {
     for (int i = 0; i < check->frame.count; i++) {
         const struct sample *sample = &check->frame.samples[i];
         struct track *track = &check->tracks[i];
+        if (sample->kind == SAMPLE_FORCE && sample->validity == VALIDITY_OK)
+            take_force(&check->pressures[i], sample->force_n);
         if (sample->kind != SAMPLE_POSE || sample->validity != VALIDITY_OK ||
             sample->time_ns <= track->last_ns || track->count == POINTS_MAX)
             continue;
@@ -125,6 +142,24 @@ static void judge_channels(struct check *check) {
             findings_add(&check->findings, false, channel_name(sample->channel),
                          "bring it into view, or correct its name or register in the config",
                          "[device %s] sends no value for it", s.name);
+    }
+}
+
+// At rest, nothing presses an instrument. A bone's gauge may carry the leg.
+static void judge_forces(struct check *check) {
+    for (int i = 0; i < check->frame.count; i++) {
+        const struct pressure *p = &check->pressures[i];
+        const struct sample *sample = &check->frame.samples[i];
+        char what[CHANNEL_NAME_MAX + 16];
+        if (!p->count)
+            continue;
+        bool rests = sample->channel < CHANNEL_FIRST_INSTRUMENT ||
+                     fmax(fabs(p->least_n), fabs(p->most_n)) <= FORCE_AT_REST_MAX_N;
+        snprintf(what, sizeof what, "%s's force", channel_name(sample->channel));
+        findings_add(&check->findings, rests, what,
+                     "lay the instrument down and check again; if it is still pressed, correct "
+                     "zero.CHANNEL in the config (docs/CONFIG.md)",
+                     "%.2f to %.2f N", p->least_n, p->most_n);
     }
 }
 
@@ -275,6 +310,21 @@ static void judge_view(struct check *check) {
                  secret ? "" : err.text);
 }
 
+static void judge_openigtlink(struct check *check) {
+    const struct igtl_server_config *config = &check->config->openigtlink;
+    struct error err;
+    if (!config->port)
+        return;
+    enum view_port_use use = openigtlink_look_at_port(config, &err);
+    if (use == VIEW_PORT_TAKEN)
+        findings_add(&check->findings, false, "openigtlink",
+                     "stop that program, or choose another port or address in [openigtlink]", "%s",
+                     err.text);
+    else
+        findings_add(&check->findings, true, "openigtlink", "", "port %d %s", config->port,
+                     use == VIEW_PORT_FREE ? "is free" : "serves a running station");
+}
+
 // ---- the whole ----------------------------------------------------------------------------------
 
 static enum result start(struct check *check, struct error *err) {
@@ -300,10 +350,12 @@ static void judge(struct check *check) {
     for (int i = 0; i < runner_count(check->runner); i++)
         judge_device(check, i);
     judge_channels(check);
+    judge_forces(check);
     judge_calibration(check);
     judge_certificate(check);
     judge_server(check);
     judge_view(check);
+    judge_openigtlink(check);
 }
 
 static void examine(struct check *check, const char *path, double seconds) {

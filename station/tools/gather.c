@@ -18,6 +18,7 @@ struct gather {
 static void take_as_it_is(struct station_config *config, const char *device) {
     station_config_set(config, device, "filter", NULL);
     station_config_set(config, device, "jump_mm", "10000");
+    station_config_set(config, device, "jump_deg", "180");
 }
 
 static enum result start(const struct device_config *devices, int count, struct gather **out_gather,

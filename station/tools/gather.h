@@ -1,8 +1,8 @@
 // Samples of devices as they give them, for calibration: no filter, no guard against jumps.
 #pragma once
 
-#include "device/runner.h"
 #include "loop/config.h"
+#include "samples/runner.h"
 
 struct gather;
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "base/result.h"
-#include "device/hid_find.h"
+#include "drivers/hid_find.h"
 
 #include <jansson.h>
 #include <stdio.h>

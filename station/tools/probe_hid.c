@@ -1,5 +1,5 @@
 #include "base/check.h"
-#include "device/hid_descriptor.h"
+#include "drivers/hid_descriptor.h"
 #include "tools/probe.h"
 
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 #include "base/clock.h"
-#include "device/modbus_line.h"
-#include "device/socket.h"
+#include "drivers/modbus_line.h"
+#include "drivers/socket.h"
 #include "tools/probe.h"
 #include "tools/probe_registers.h"
 
@@ -25,7 +25,7 @@ struct probed {
     const char *name;
     struct modbus_line_settings settings;
     struct modbus_line *line;
-    uint64_t connection;
+    struct modbus_user user;
     FILE *config;
     json_t *out;
     int found;
@@ -39,14 +39,14 @@ static void pause_ms(long ms) {
 static enum result open_line(struct probed *p, struct error *err) {
     enum result result = modbus_line_join(&p->settings, &p->line, err);
     if (result == RESULT_OK)
-        result = modbus_line_open(p->line, &p->connection, err);
+        result = modbus_line_open(p->line, &p->user, err);
     if (result != RESULT_OK && p->line)
         modbus_line_leave(&p->line);
     return result == RESULT_OK ? result : fail_in(err, result, "cannot connect to ");
 }
 
 static void close_line(struct probed *p) {
-    modbus_line_close(p->line);
+    modbus_line_close(p->line, &p->user);
     modbus_line_leave(&p->line);
 }
 
@@ -56,8 +56,11 @@ static int ask(struct probed *p, int slave, bool input, int count, int timeout_m
     const struct modbus_request request = {slave, input, 0, count, timeout_ms};
     int64_t time_ns;
     int code = MODBUS_JUNK;
-    for (int i = 0; i < TRIES && (code == MODBUS_JUNK || code == EMBBADSLAVE); i++)
-        code = modbus_line_ask(p->line, p->connection, &request, registers, &time_ns);
+    for (int i = 0;
+         i < TRIES && (code == MODBUS_JUNK || code == MODBUS_BUSY || code == EMBBADSLAVE); i++)
+        do
+            code = modbus_line_ask(p->line, &p->user, &request, registers, &time_ns);
+        while (code == MODBUS_PENDING);
     return code;
 }
 
@@ -148,7 +151,7 @@ static void probe_slave(struct probed *p, int slave) {
 
 // An adapter that echoes spoils every reply, whoever is asked.
 static bool is_echo(int code) {
-    return code == EMBBADCRC || code == EMBBADDATA;
+    return code == EMBBADCRC || code == EMBBADDATA || code == MODBUS_ECHO;
 }
 
 // Slaves 1 to `slaves` that answer, each reported. *out_spoiled: no timeouts, but what came was no

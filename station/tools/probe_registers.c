@@ -1,6 +1,6 @@
 #include "tools/probe_registers.h"
 
-#include "device/modbus_value.h"
+#include "drivers/modbus_value.h"
 
 #include <math.h>
 

@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#define PROBE_REGISTERS_MAX 40
+#define PROBE_REGISTERS_MAX 48
 #define PROBE_READINGS 4
 
 // Registers from 0 on, read several times.

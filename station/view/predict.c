@@ -192,6 +192,10 @@ double predict_warp_mm(const struct predict *p) {
     return p->warp_mm;
 }
 
+arthron_SessionState predict_state(const struct predict *p) {
+    return p->state;
+}
+
 // ---- the view -----------------------------------------------------------------------------------
 
 static arthron_Validity answer_validity(const struct predict *p) {
@@ -237,6 +241,11 @@ static void show_instrument(const struct predict *p, const struct sample *sample
     arthron_ViewInstrument *out = shown_instrument(view, sample->channel);
     if (sample->validity == VALIDITY_LOST)
         return;
+    if (sample->kind == SAMPLE_FORCE) {
+        out->has_force_n = true;
+        out->force_n = sample->force_n;
+        return;
+    }
     if (sample->kind == SAMPLE_HANDLE) {
         out->has_handle = true;
         out->handle = (arthron_Handle){sample->handle.opening, sample->handle.buttons};

@@ -41,5 +41,7 @@ bool predict_reply(struct predict *predict, const arthron_Reply *reply);
 // How far the last reply moved a tip; the largest of its instruments.
 double predict_warp_mm(const struct predict *predict);
 
+arthron_SessionState predict_state(const struct predict *predict);
+
 // At the newest frame.
 void predict_view(const struct predict *predict, arthron_View *out_view);

@@ -57,9 +57,16 @@ static json_t *groups_of(const struct knee_case *knee) {
     json_t *groups = json_array();
     for (int i = 0; i < knee->group_count; i++) {
         const struct case_group *g = &knee->groups[i];
-        json_array_append_new(groups,
-                              json_pack("{s:o, s:s, s:b}", "name", call_string(g->name), "body",
-                                        body_name(g->body), "cuttable", g->cuttable));
+        const struct case_tissue *t = &g->tissue;
+        char colour[8];
+        snprintf(colour, sizeof colour, "#%06x", (unsigned)t->colour & 0xffffff);
+        json_array_append_new(
+            groups,
+            json_pack("{s:o, s:s, s:b, s:s, s:o, s:s, s:b, s:s, s:b}", "name", call_string(g->name),
+                      "body", body_name(g->body), "cuttable", g->cuttable, "tissue",
+                      tissue_kind_name(t->kind), "label", call_string(t->label), "colour", colour,
+                      "own_colour", t->colour != tissue_colour(t->kind), "side",
+                      tissue_side_name(t->side), "zones", t->has_zones));
     }
     return groups;
 }

@@ -82,7 +82,34 @@ void case_destroy(struct knee_case **knee) {
 }
 
 bool case_group_is_skin(const struct case_group *group) {
-    return !strcmp(group->name, "skin");
+    return group->tissue.kind == TISSUE_SKIN;
+}
+
+bool case_group_is_bone(const struct case_group *group) {
+    return !strcmp(group->name, body_name(group->body));
+}
+
+struct case_group *case_skin(struct knee_case *knee) {
+    for (int i = 0; i < knee->group_count; i++)
+        if (case_group_is_skin(&knee->groups[i]))
+            return &knee->groups[i];
+    return NULL;
+}
+
+struct case_group *case_meniscus(struct knee_case *knee, enum tissue_side side) {
+    for (int i = 0; i < knee->group_count; i++) {
+        const struct case_tissue *tissue = &knee->groups[i].tissue;
+        if (tissue->kind == TISSUE_MENISCUS && tissue->side == side)
+            return &knee->groups[i];
+    }
+    return NULL;
+}
+
+struct case_tissue case_group_usual(const struct case_group *group) {
+    struct case_tissue tissue = tissue_usual(group->name);
+    if (group->bridges && tissue.kind == TISSUE_OTHER)
+        tissue_set_kind(&tissue, TISSUE_LIGAMENT);
+    return tissue;
 }
 
 struct case_group *case_group(struct knee_case *knee, const char *name) {
@@ -99,6 +126,7 @@ struct case_group *case_add_group(struct knee_case *knee, const char *name, enum
     struct case_group *group = &knee->groups[knee->group_count++];
     set_name(group->name, name);
     group->body = body;
+    group->tissue = case_group_usual(group);
     return group;
 }
 
@@ -206,6 +234,8 @@ void case_group_bridge(struct case_group *group, enum body other) {
     CHECK(!group->bridges);
     group->bridges = true;
     group->other_body = other;
+    if (group->tissue.kind == TISSUE_OTHER)
+        tissue_set_kind(&group->tissue, TISSUE_LIGAMENT);
     if (group->mesh.vertex_count)
         group->other_share = alloc(group->mesh.vertex_count, sizeof *group->other_share);
 }

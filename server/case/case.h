@@ -9,6 +9,7 @@
 
 #include "base/joint.h"
 #include "base/result.h"
+#include "case/tissue.h"
 #include "mesh/convex.h"
 
 #define CASE_NAME_MAX 64
@@ -49,7 +50,8 @@ struct case_group {
     char name[CASE_NAME_MAX]; // tibia, femur, patella, meniscus_medial, meniscus_lateral, acl,
                               // pcl, mcl, lcl, skin; others are allowed
     enum body body;
-    bool bridges; // from its body to other_body, as a ligament does
+    struct case_tissue tissue; // by its name, until something describes it
+    bool bridges;              // from its body to other_body, as a ligament does
     enum body other_body;
     float *other_share; // where it bridges: for each vertex, 0 at its body .. 1 at the other
                         // (generate/bridge.h); else NULL
@@ -161,7 +163,7 @@ struct knee_case *case_create(const char *name, const char *title);
 void case_destroy(struct knee_case **knee); // NULL inside is fine; *knee becomes NULL
 
 // Appends an empty group, or returns NULL where there are CASE_GROUPS_MAX. The name must be valid
-// and new. Earlier pointers to groups stay good.
+// and new; its tissue is the usual one. Earlier pointers to groups stay good.
 struct case_group *case_add_group(struct knee_case *knee, const char *name, enum body body);
 
 // Joins a mesh to a group as a part (copied). Displacements, shares and what is covered get zeros
@@ -173,7 +175,15 @@ enum result case_add_part(struct case_group *group, const char *name, const stru
 
 struct case_group *case_group(struct knee_case *knee, const char *name); // NULL: no such group
 
+// What a group is where nothing describes it: by its name, and a ligament where it bridges.
+struct case_tissue case_group_usual(const struct case_group *group);
+
+bool case_group_is_bone(const struct case_group *group); // the bone that its body is named after
 bool case_group_is_skin(const struct case_group *group); // what surrounds the knee and gives way
+struct case_group *case_skin(struct knee_case *knee);    // NULL: there is none
+
+// The first meniscus of the side; NULL: there is none.
+struct case_group *case_meniscus(struct knee_case *knee, enum tissue_side side);
 
 // The outer surface of a group, which instruments can touch: its mesh without the triangles of
 // which all corners are covered. All vertices stay. The caller releases it with mesh_fini.
@@ -184,7 +194,8 @@ float *case_group_need_warp(struct case_group *group);
 float *case_group_need_maxcut(struct case_group *group);
 float *case_group_need_covered(struct case_group *group); // as these
 
-// Makes the group bridge from its body to another one, with shares of 0. It must not do so yet.
+// Makes the group bridge from its body to another one, with shares of 0. It must not do so yet. Of
+// no other kind it is a ligament from now on.
 void case_group_bridge(struct case_group *group, enum body other);
 
 // S' = S + warp, allocated; the caller releases it with mesh_fini.

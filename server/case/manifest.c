@@ -223,6 +223,36 @@ static void read_lesion(struct manifest *m, const struct object *group_object,
 
 // ---- groups and the rest ------------------------------------------------------------------------
 
+// What the group is. What is absent stays as the name says.
+static void read_tissue(struct manifest *m, const struct object *object,
+                        struct case_tissue *tissue) {
+    enum tissue_kind kind;
+    const json_t *zones = json_object_get(object->json, "zones");
+    if (json_object_get(object->json, "tissue")) {
+        if (tissue_kind_from_name(read_string(m, object, "tissue"), &kind))
+            tissue_set_kind(tissue, kind);
+        else
+            refuse_key(m, object, "tissue",
+                       "neither bone, cartilage, meniscus, ligament, synovium, skin nor other");
+    }
+    if (json_object_get(object->json, "label")) {
+        const char *label = read_string(m, object, "label");
+        if (tissue_label_is_valid(label))
+            strcpy(tissue->label, label);
+        else
+            refuse_key(m, object, "label", "not 1 to 63 bytes of text without control characters");
+    }
+    if (json_object_get(object->json, "colour") &&
+        !tissue_colour_from_text(read_string(m, object, "colour"), &tissue->colour))
+        refuse_key(m, object, "colour", "not #rrggbb");
+    if (json_object_get(object->json, "side") &&
+        !tissue_side_from_name(read_string(m, object, "side"), &tissue->side))
+        refuse_key(m, object, "side", "neither medial, lateral nor none");
+    if (zones && !json_is_boolean(zones))
+        refuse_key(m, object, "zones", "neither true nor false");
+    tissue->has_zones = zones ? json_is_true(zones) : tissue->has_zones;
+}
+
 static void read_group(struct manifest *m, const struct object *object, struct knee_case *knee) {
     char name[CASE_NAME_MAX] = "";
     enum body body = BODY_FEMUR;
@@ -244,6 +274,7 @@ static void read_group(struct manifest *m, const struct object *object, struct k
     group->cuttable = json_is_true(cuttable);
     if (other != BODY_COUNT)
         case_group_bridge(group, other);
+    read_tissue(m, object, &group->tissue);
     read_lesion(m, object, &group->lesion);
 }
 
@@ -339,7 +370,9 @@ static void read_torn(struct manifest *m, const struct object *object, struct kn
 }
 
 static void read_lists(struct manifest *m, const struct object *root, struct knee_case *knee) {
-    static const char *const group_keys[] = {"name", "body", "bridges", "cuttable", "lesion", NULL};
+    static const char *const group_keys[] = {"name",   "body",   "bridges", "cuttable",
+                                             "lesion", "tissue", "label",   "colour",
+                                             "side",   "zones",  NULL};
     static const char *const portal_keys[] = {"name", "position", "direction", NULL};
     static const char *const landmark_keys[] = {"name", "body", "at", "error_mm", "by", NULL};
     static const char *const patella_keys[] = {"flexion_deg", "T_femur_patella", NULL};
@@ -372,7 +405,7 @@ static void check_format(struct manifest *m, const json_t *root) {
         refuse(m, RESULT_MISSING, "format", "not a whole number: is this a case's manifest?");
     else if (json_integer_value(format) < 1 || json_integer_value(format) > MANIFEST_FORMAT)
         refuse(m, RESULT_VERSION, "format",
-               "of another version than 1 and 2, which are read here: is the program older?");
+               "of another version than 1 to 3, which are read here: is the program older?");
 }
 
 static struct knee_case *read_root(struct manifest *m, const json_t *json,

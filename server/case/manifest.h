@@ -8,7 +8,10 @@
 //                   { "name": "mcl", "body": "tibia", "bridges": "femur", "cuttable": false },
 //                   { "name": "meniscus_medial", "body": "tibia", "cuttable": true,
 //                     "lesion": { "tear": [ [ [nx, ny, nz, offset], … ], … ],
-//                                 "damage": […], "plan": […] } }, … ],
+//                                 "damage": […], "plan": […] } },
+//                   { "name": "plica", "body": "femur", "cuttable": true, "tissue": "synovium",
+//                     "label": "Medial plica", "colour": "#f0a69e", "side": "medial",
+//                     "zones": false }, … ],
 //       "portals": [ { "name": "anterolateral", "position": [x, y, z], "direction": […] }, … ],
 //       "landmarks": [ { "name": "notch", "body": "femur", "at": [x, y, z], "error_mm": 1.5,
 //                        "by": "proposal" }, … ],
@@ -20,17 +23,19 @@
 // Millimetres and unit quaternions. A landmark is by "proposal" or by "hand". A region of a lesion
 // is a list of convex parts (up to 32), a part a list of planes (up to 64): inside where n · p <=
 // offset, in the frame of the group's virtual mesh (S'). T_case_scan takes a point of the scan that
-// was imported to the femur's frame; where mirrored, its x changes its sign before. title, scan,
-// bridges, cuttable, lesion and its regions, portals, landmarks, rest, torn, patella and
-// anatomy_xxh3 may be absent. Remove anatomy_xxh3 after you have edited anatomy.glb on purpose.
-// Other keys are refused.
+// was imported to the femur's frame; where mirrored, its x changes its sign before. tissue, label,
+// colour, side and zones describe a group; what is absent follows from its name (case/tissue.h),
+// and is not written. title, scan, bridges, cuttable, lesion and its regions, portals, landmarks,
+// rest, torn, patella and anatomy_xxh3 may be absent. Remove anatomy_xxh3 after you have edited
+// anatomy.glb on purpose. Other keys are refused.
 #pragma once
 
 #include "case/case.h"
 
-// Format 2 has scan and landmarks besides. A manifest without them is written as format 1, which
-// older programs read; of format 2 they say that it is of another version.
-#define MANIFEST_FORMAT 2
+// Format 2 has scan and landmarks besides, format 3 descriptions of groups. A manifest is written
+// in the lowest format that holds it, which older programs read; of a higher one they say that it
+// is of another version.
+#define MANIFEST_FORMAT 3
 
 // Makes a case with groups that have no mesh yet. The error names the key's path. The caller
 // destroys *out_case. *out_anatomy_hash is 0 where the manifest has none.

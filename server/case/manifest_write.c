@@ -3,6 +3,7 @@
 #include <inttypes.h>
 #include <jansson.h>
 #include <stdio.h>
+#include <string.h>
 
 static json_t *numbers(int count, const double *values) {
     json_t *array = json_array();
@@ -42,6 +43,40 @@ static void write_lesion(json_t *group_object, const struct case_lesion *lesion)
                                       write_region(&lesion->plan)));
 }
 
+// What differs from `usual`; zones where they are not as the kind's.
+static void write_tissue(json_t *group_object, const struct case_tissue *tissue,
+                         const struct case_tissue *usual) {
+    char colour[8];
+    struct case_tissue absent = *usual;
+    if (tissue->kind != usual->kind) {
+        json_object_set_new(group_object, "tissue", json_string(tissue_kind_name(tissue->kind)));
+        tissue_set_kind(&absent, tissue->kind);
+    }
+    if (strcmp(tissue->label, absent.label) != 0)
+        json_object_set_new(group_object, "label", json_string(tissue->label));
+    snprintf(colour, sizeof colour, "#%06x", (unsigned)tissue->colour & 0xffffff);
+    if (tissue->colour != absent.colour)
+        json_object_set_new(group_object, "colour", json_string(colour));
+    if (tissue->side != absent.side)
+        json_object_set_new(group_object, "side", json_string(tissue_side_name(tissue->side)));
+    if (tissue->has_zones != absent.has_zones)
+        json_object_set_new(group_object, "zones", json_boolean(tissue->has_zones));
+}
+
+static bool is_described(const struct case_group *group) {
+    const struct case_tissue usual = case_group_usual(group), *tissue = &group->tissue;
+    return tissue->kind != usual.kind || tissue->colour != usual.colour ||
+           tissue->side != usual.side || tissue->has_zones != usual.has_zones ||
+           strcmp(tissue->label, usual.label) != 0;
+}
+
+static int format_of(const struct knee_case *knee) {
+    for (int i = 0; i < knee->group_count; i++)
+        if (is_described(&knee->groups[i]))
+            return 3;
+    return knee->has_scan || knee->landmark_count ? 2 : 1;
+}
+
 static json_t *write_groups(const struct knee_case *knee) {
     json_t *array = json_array();
     for (int i = 0; i < knee->group_count; i++) {
@@ -50,6 +85,8 @@ static json_t *write_groups(const struct knee_case *knee) {
                                    body_name(group->body), "cuttable", (int)group->cuttable);
         if (group->bridges)
             json_object_set_new(object, "bridges", json_string(body_name(group->other_body)));
+        const struct case_tissue usual = case_group_usual(group);
+        write_tissue(object, &group->tissue, &usual);
         write_lesion(object, &group->lesion);
         json_array_append_new(array, object);
     }
@@ -117,12 +154,12 @@ char *manifest_write(const struct knee_case *knee, uint64_t anatomy_hash) {
     snprintf(hash, sizeof hash, "%016" PRIx64, anatomy_hash);
     json_t *joint = json_pack("{s:o, s:o}", "T_femur_joint", pose_array(knee->joint.T_femur_joint),
                               "T_tibia_joint", pose_array(knee->joint.T_tibia_joint));
-    json_t *root = json_pack(
-        "{s:i, s:s, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
-        knee->has_scan || knee->landmark_count ? MANIFEST_FORMAT : 1, "name", knee->name, "title",
-        knee->title, "side", knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash,
-        "joint", joint, "groups", write_groups(knee), "portals", write_portals(knee), "rest",
-        write_rest(knee), "torn", write_torn(knee), "patella", write_patella(knee));
+    json_t *root =
+        json_pack("{s:i, s:s, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
+                  format_of(knee), "name", knee->name, "title", knee->title, "side",
+                  knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash, "joint",
+                  joint, "groups", write_groups(knee), "portals", write_portals(knee), "rest",
+                  write_rest(knee), "torn", write_torn(knee), "patella", write_patella(knee));
     if (root && knee->has_scan)
         json_object_set_new(root, "scan",
                             json_pack("{s:b, s:o}", "mirrored", (int)knee->scan_mirrored,

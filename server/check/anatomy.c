@@ -46,11 +46,10 @@ static void inspect_widths(struct knee_case *knee, struct inspection *out) {
 }
 
 static void inspect_menisci(struct knee_case *knee, struct inspection *out) {
-    static const char *const menisci[] = {"meniscus_medial", "meniscus_lateral"};
-    for (int i = 0; i < 2; i++) {
-        const struct case_group *meniscus = case_group(knee, menisci[i]);
+    for (enum tissue_side side = TISSUE_MEDIAL; side <= TISSUE_LATERAL; side++) {
+        const struct case_group *meniscus = case_meniscus(knee, side);
         if (meniscus && topology_of(&meniscus->mesh).closed)
-            bound_inspect(out, BOUND_MENISCUS_VOLUME, menisci[i],
+            bound_inspect(out, BOUND_MENISCUS_VOLUME, meniscus->name,
                           mesh_volume(&meniscus->mesh) / 1000);
     }
 }

@@ -379,8 +379,10 @@ enum result check_case(struct knee_case **knee, const struct check_settings *set
     struct case_check *check = begin(settings, (*knee)->name);
     check->hash = (*knee)->hash;
     check->group_count = (*knee)->group_count;
-    for (int i = 0; i < check->group_count; i++)
+    for (int i = 0; i < check->group_count; i++) {
         memcpy(check->groups[i], (*knee)->groups[i].name, CASE_NAME_MAX);
+        check->group_colours[i] = (*knee)->groups[i].tissue.colour;
+    }
     struct error why;
     *out_scene = NULL;
     enum result result = look_at_knee(check, *knee, err);

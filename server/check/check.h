@@ -82,6 +82,7 @@ struct case_check {
     struct opening openings[CASE_LIGAMENTS_MAX];
     int group_count; // names of the groups that surfaces stand for
     char groups[CASE_GROUPS_MAX][CASE_NAME_MAX];
+    uint32_t group_colours[CASE_GROUPS_MAX]; // 0xRRGGBB
 };
 
 // Takes *knee, which becomes NULL. Where it cannot even be prepared, that is its fault in the

@@ -10,11 +10,11 @@
 enum kind { KIND_OTHER, KIND_BONE, KIND_CARTILAGE, KIND_MENISCUS };
 
 static enum kind kind_of(const struct case_group *group) {
-    if (!strcmp(group->name, body_name(group->body)))
+    if (case_group_is_bone(group))
         return KIND_BONE;
-    if (!strncmp(group->name, "cartilage", 9))
+    if (group->tissue.kind == TISSUE_CARTILAGE)
         return KIND_CARTILAGE;
-    return strncmp(group->name, "meniscus", 8) ? KIND_OTHER : KIND_MENISCUS;
+    return group->tissue.kind == TISSUE_MENISCUS ? KIND_MENISCUS : KIND_OTHER;
 }
 
 // ---- pairs --------------------------------------------------------------------------------------

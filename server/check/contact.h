@@ -36,9 +36,9 @@ struct contacts {
 // T_femur_body with the joint at rest.
 pose contact_body_pose(const struct knee_case *knee, enum body body, double flexion_deg);
 
-// Groups by name: femur, tibia, patella, and those that begin with meniscus or cartilage. Threads
-// inside; the figures depend on none of it. progress: NULL, or told. RESULT_IO where a search
-// structure cannot be had.
+// The bodies' own bones, and groups that are described as meniscus or cartilage. Threads inside;
+// the figures depend on none of it. progress: NULL, or told. RESULT_IO where a search structure
+// cannot be had.
 enum result contacts_look(struct knee_case *knee, const struct progress *progress,
                           struct contacts *out_contacts, struct error *err);
 

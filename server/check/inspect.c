@@ -222,8 +222,8 @@ static void inspect_sizes(struct knee_case *knee, struct inspection *out) {
 }
 
 // Centre of the group's box in the joint's frame; false where there is no such group.
-static bool centre_of(struct knee_case *knee, const char *name, vec3 *out_centre) {
-    const struct case_group *group = case_group(knee, name);
+static bool centre_of(const struct knee_case *knee, const struct case_group *group,
+                      vec3 *out_centre) {
     if (!group)
         return false;
     struct box box = box_in_joint(&group->mesh, knee->joint.T_femur_joint, -INFINITY);
@@ -233,21 +233,23 @@ static bool centre_of(struct knee_case *knee, const char *name, vec3 *out_centre
 
 static void inspect_places(struct knee_case *knee, struct inspection *out) {
     vec3 femur, tibia, patella, medial, lateral;
-    bool bones = centre_of(knee, "femur", &femur) && centre_of(knee, "tibia", &tibia);
+    const struct case_group *inner = case_meniscus(knee, TISSUE_MEDIAL);
+    const struct case_group *outer = case_meniscus(knee, TISSUE_LATERAL);
+    bool bones = centre_of(knee, case_group(knee, "femur"), &femur) &&
+                 centre_of(knee, case_group(knee, "tibia"), &tibia);
     CHECK(bones);
     vec3 up = vec3_sub(femur, tibia);
     if (up.z <= fmax(fabs(up.x), fabs(up.y)))
         inspection_note(out, FINDING_FAULT, "femur",
                         "does not lie above the tibia: is z proximal?");
-    if (centre_of(knee, "patella", &patella) && patella.y <= femur.y)
+    if (centre_of(knee, case_group(knee, "patella"), &patella) && patella.y <= femur.y)
         inspection_note(out, FINDING_FAULT, "patella",
                         "does not lie before the femur: is y anterior?");
-    if (centre_of(knee, "meniscus_medial", &medial) &&
-        centre_of(knee, "meniscus_lateral", &lateral) &&
+    if (centre_of(knee, inner, &medial) && centre_of(knee, outer, &lateral) &&
         medial_sign(knee) * (medial.x - lateral.x) <= 0)
-        inspection_note(
-            out, FINDING_FAULT, "meniscus_medial",
-            "lies lateral of meniscus_lateral: is the side right, and x to the patient's right?");
+        inspection_note(out, FINDING_FAULT, inner->name,
+                        "lies lateral of %s: is the side right, and x to the patient's right?",
+                        outer->name);
     struct box box =
         box_in_joint(&case_group(knee, "femur")->mesh, knee->joint.T_femur_joint, -INFINITY);
     if (box.min.x > 0 || box.max.x < 0 || box.min.y > 0 || box.max.y < 0 || box.min.z > 30 ||
@@ -266,7 +268,7 @@ static double distance_to(const struct mesh *mesh, vec3 p) {
 }
 
 static void inspect_portals(struct knee_case *knee, struct inspection *out) {
-    const struct case_group *skin = case_group(knee, "skin");
+    const struct case_group *skin = case_skin(knee);
     for (int i = 0; i < knee->portal_count; i++) {
         const struct case_portal *portal = &knee->portals[i];
         double off = skin ? distance_to(&skin->mesh, portal->position) : 0;
@@ -285,15 +287,21 @@ static void inspect_portals(struct knee_case *knee, struct inspection *out) {
 
 void inspect_case(struct knee_case *knee, struct inspection *out_inspection) {
     *out_inspection = (struct inspection){0};
-    static const char *const useful[] = {"patella", "meniscus_medial", "meniscus_lateral"};
+    const struct {
+        const char *name;
+        const struct case_group *group;
+    } useful[] = {{"patella", case_group(knee, "patella")},
+                  {"meniscus_medial", case_meniscus(knee, TISSUE_MEDIAL)},
+                  {"meniscus_lateral", case_meniscus(knee, TISSUE_LATERAL)}};
     for (int i = 0; i < knee->group_count; i++) {
         inspect_surface(&knee->groups[i], out_inspection);
         inspect_displacements(&knee->groups[i], out_inspection);
         inspect_maxcut(&knee->groups[i], out_inspection);
     }
     for (size_t i = 0; i < sizeof useful / sizeof useful[0]; i++)
-        if (!case_group(knee, useful[i]))
-            inspection_note(out_inspection, FINDING_WARNING, useful[i], "there is no such group");
+        if (!useful[i].group)
+            inspection_note(out_inspection, FINDING_WARNING, useful[i].name,
+                            "there is no such group");
     inspect_sizes(knee, out_inspection);
     anatomy_inspect(knee, out_inspection);
     inspect_places(knee, out_inspection);

@@ -9,35 +9,37 @@
 
 enum side_of { MEDIAL = -1, MIDDLE, LATERAL };
 
-// near_mm: how far off the group a place of this name may lie, besides its error.
+// near_mm: how far off the surface a place of this name may lie, besides its error.
 static const struct named {
-    const char *name, *group;
+    const char *name;
+    enum tissue_side meniscus; // on that one; TISSUE_NO_SIDE: on the body's bone
     enum body body;
     enum side_of side;
     double near_mm;
-    bool within; // it may lie inside of the group
+    bool within; // it may lie inside
 } names[] = {
-    {"condyle_medial", "femur", BODY_FEMUR, MEDIAL, 3, false},
-    {"condyle_lateral", "femur", BODY_FEMUR, LATERAL, 3, false},
-    {"trochlea", "femur", BODY_FEMUR, MIDDLE, 3, false},
-    {"notch", "femur", BODY_FEMUR, MIDDLE, 3, false},
-    {"acl_femur", "femur", BODY_FEMUR, MIDDLE, 6, false}, // the end of a mesh may lie in bone
-    {"pcl_femur", "femur", BODY_FEMUR, MIDDLE, 6, false},
-    {"acl_tibia", "tibia", BODY_TIBIA, MIDDLE, 6, false},
-    {"pcl_tibia", "tibia", BODY_TIBIA, MIDDLE, 6, false},
-    {"plateau_medial", "tibia", BODY_TIBIA, MEDIAL, 3, false},
-    {"plateau_lateral", "tibia", BODY_TIBIA, LATERAL, 3, false},
-    {"root_anterior_medial", "meniscus_medial", BODY_TIBIA, MIDDLE, 3, true},
-    {"horn_anterior_medial", "meniscus_medial", BODY_TIBIA, MEDIAL, 3, true},
-    {"body_medial", "meniscus_medial", BODY_TIBIA, MEDIAL, 3, true},
-    {"horn_posterior_medial", "meniscus_medial", BODY_TIBIA, MEDIAL, 3, true},
-    {"root_posterior_medial", "meniscus_medial", BODY_TIBIA, MIDDLE, 3, true},
-    {"root_anterior_lateral", "meniscus_lateral", BODY_TIBIA, MIDDLE, 3, true},
-    {"horn_anterior_lateral", "meniscus_lateral", BODY_TIBIA, LATERAL, 3, true},
-    {"body_lateral", "meniscus_lateral", BODY_TIBIA, LATERAL, 3, true},
-    {"horn_posterior_lateral", "meniscus_lateral", BODY_TIBIA, LATERAL, 3, true},
-    {"root_posterior_lateral", "meniscus_lateral", BODY_TIBIA, MIDDLE, 3, true},
-    {"patella", "patella", BODY_PATELLA, MIDDLE, 3, true},
+    {"condyle_medial", TISSUE_NO_SIDE, BODY_FEMUR, MEDIAL, 3, false},
+    {"condyle_lateral", TISSUE_NO_SIDE, BODY_FEMUR, LATERAL, 3, false},
+    {"trochlea", TISSUE_NO_SIDE, BODY_FEMUR, MIDDLE, 3, false},
+    {"notch", TISSUE_NO_SIDE, BODY_FEMUR, MIDDLE, 3, false},
+    {"acl_femur", TISSUE_NO_SIDE, BODY_FEMUR, MIDDLE, 6,
+     false}, // the end of a mesh may lie in bone
+    {"pcl_femur", TISSUE_NO_SIDE, BODY_FEMUR, MIDDLE, 6, false},
+    {"acl_tibia", TISSUE_NO_SIDE, BODY_TIBIA, MIDDLE, 6, false},
+    {"pcl_tibia", TISSUE_NO_SIDE, BODY_TIBIA, MIDDLE, 6, false},
+    {"plateau_medial", TISSUE_NO_SIDE, BODY_TIBIA, MEDIAL, 3, false},
+    {"plateau_lateral", TISSUE_NO_SIDE, BODY_TIBIA, LATERAL, 3, false},
+    {"root_anterior_medial", TISSUE_MEDIAL, BODY_TIBIA, MIDDLE, 3, true},
+    {"horn_anterior_medial", TISSUE_MEDIAL, BODY_TIBIA, MEDIAL, 3, true},
+    {"body_medial", TISSUE_MEDIAL, BODY_TIBIA, MEDIAL, 3, true},
+    {"horn_posterior_medial", TISSUE_MEDIAL, BODY_TIBIA, MEDIAL, 3, true},
+    {"root_posterior_medial", TISSUE_MEDIAL, BODY_TIBIA, MIDDLE, 3, true},
+    {"root_anterior_lateral", TISSUE_LATERAL, BODY_TIBIA, MIDDLE, 3, true},
+    {"horn_anterior_lateral", TISSUE_LATERAL, BODY_TIBIA, LATERAL, 3, true},
+    {"body_lateral", TISSUE_LATERAL, BODY_TIBIA, LATERAL, 3, true},
+    {"horn_posterior_lateral", TISSUE_LATERAL, BODY_TIBIA, LATERAL, 3, true},
+    {"root_posterior_lateral", TISSUE_LATERAL, BODY_TIBIA, MIDDLE, 3, true},
+    {"patella", TISSUE_NO_SIDE, BODY_PATELLA, MIDDLE, 3, true},
 };
 
 static const struct named *named(const char *name) {
@@ -49,13 +51,19 @@ static const struct named *named(const char *name) {
 
 // ---- distances ----------------------------------------------------------------------------------
 
+static bool is_on(const struct named *n, const struct case_group *group) {
+    if (n->meniscus == TISSUE_NO_SIDE)
+        return group->body == n->body && case_group_is_bone(group);
+    return group->tissue.kind == TISSUE_MENISCUS && group->tissue.side == n->meniscus;
+}
+
 static double off_of(const struct knee_case *knee, const struct touching *touching,
                      const struct case_landmark *landmark) {
     const struct named *n = named(landmark->name);
     for (int i = 0; n && n->body == landmark->body && i < knee->group_count; i++) {
         struct touching_hints hints;
         vec3 point;
-        if (strcmp(knee->groups[i].name, n->group) || !touching[i].shell_count)
+        if (!is_on(n, &knee->groups[i]) || !touching[i].shell_count)
             continue;
         touching_forget(&hints);
         double distance = touching_distance(&touching[i], landmark->at, &hints, &point);
@@ -76,6 +84,12 @@ void landmarks_look(const struct knee_case *knee, const struct touching *touchin
     ". Give it by hand (arthron-case landmarks --landmark). Or take it out of case.json, and let " \
     "that command find it"
 
+static const char *surface_name(const struct named *n) {
+    return n->meniscus == TISSUE_MEDIAL    ? "medial meniscus"
+           : n->meniscus == TISSUE_LATERAL ? "lateral meniscus"
+                                           : body_name(n->body);
+}
+
 static void inspect_one(const struct case_landmark *landmark, double off_mm, vec3 local,
                         struct inspection *inspection) {
     const struct named *n = named(landmark->name);
@@ -88,8 +102,8 @@ static void inspect_one(const struct case_landmark *landmark, double off_mm, vec
     if (beyond > 0)
         inspection_note(
             inspection, beyond > LANDMARK_FAR_MM ? FINDING_FAULT : FINDING_WARNING, n->name,
-            "lies %.1f mm off %s (%.1f %.1f %.1f), and its error is %.1f mm" REMEDY, off_mm,
-            n->group, landmark->at.x, landmark->at.y, landmark->at.z, landmark->error_mm);
+            "lies %.1f mm off the %s (%.1f %.1f %.1f), and its error is %.1f mm" REMEDY, off_mm,
+            surface_name(n), landmark->at.x, landmark->at.y, landmark->at.z, landmark->error_mm);
     if (n->side * local.x < -SIDE_MM)
         inspection_note(inspection, FINDING_FAULT, n->name,
                         "lies %.1f mm to the %s side of the joint's centre (%.1f %.1f %.1f)" REMEDY,

@@ -4,10 +4,14 @@
 #include "commands/sealed_file.h"
 #include "store/store.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <getopt.h>
 #include <limits.h>
 #include <openssl/crypto.h>
 #include <stdio.h>
+#include <string.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 static const char backup_help[] =
@@ -45,24 +49,44 @@ static int report(const char *command, enum result result, const struct error *e
 
 // ---- encrypted ----------------------------------------------------------------------------------
 
-// A file beside the records, which are not encrypted either.
-static enum result name_draft(const char *file, char out[PATH_MAX], struct error *err) {
-    if (snprintf(out, PATH_MAX, "%s.backup-draft", file) >= PATH_MAX)
+// A file beside the records, which are not encrypted either. Its lock keeps it for one command at a
+// time; *out_lock: close it after the draft was removed.
+static enum result begin_draft(const char *file, char out[PATH_MAX], int *out_lock,
+                               struct error *err) {
+    char lock[PATH_MAX];
+    if (snprintf(lock, sizeof lock, "%s.backup-lock", file) >= PATH_MAX)
         return fail(err, RESULT_LIMIT, "%s: the path is too long", file);
-    unlink(out); // of a backup that was interrupted
-    return RESULT_OK;
+    snprintf(out, PATH_MAX, "%s.backup-draft", file);
+    *out_lock = open(lock, O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+    if (*out_lock >= 0 && flock(*out_lock, LOCK_EX | LOCK_NB) == 0) {
+        unlink(out); // of a backup that was interrupted
+        return RESULT_OK;
+    }
+    bool busy = *out_lock >= 0 && errno == EWOULDBLOCK;
+    fail(err, busy ? RESULT_TIMEOUT : RESULT_IO, "%s: %s", lock,
+         busy ? "another encrypted backup or restore is under way; try again after it"
+              : strerror(errno));
+    if (*out_lock >= 0)
+        close(*out_lock);
+    return busy ? RESULT_TIMEOUT : RESULT_IO;
+}
+
+static void end_draft(const char *draft, int lock) {
+    unlink(draft);
+    close(lock);
 }
 
 static enum result back_up_sealed(struct store *store, const struct request *r, struct error *err) {
     char draft[PATH_MAX], passphrase[PASSPHRASE_MAX];
+    int lock;
     enum result result = passphrase_read(r->passphrase, passphrase, err);
     if (result == RESULT_OK)
-        result = name_draft(r->file, draft, err);
+        result = begin_draft(r->file, draft, &lock, err);
     if (result == RESULT_OK) {
         result = store_backup(store, draft, err);
         if (result == RESULT_OK)
             result = sealed_file_write(draft, passphrase, r->out, err);
-        unlink(draft);
+        end_draft(draft, lock);
     }
     OPENSSL_cleanse(passphrase, sizeof passphrase);
     return result;
@@ -71,14 +95,15 @@ static enum result back_up_sealed(struct store *store, const struct request *r, 
 static enum result put_back_sealed(const char *backup, const struct request *r,
                                    char out_aside[STORE_TEXT_MAX], struct error *err) {
     char draft[PATH_MAX], passphrase[PASSPHRASE_MAX];
+    int lock;
     enum result result = passphrase_read(r->passphrase, passphrase, err);
     if (result == RESULT_OK)
-        result = name_draft(r->file, draft, err);
+        result = begin_draft(r->file, draft, &lock, err);
     if (result == RESULT_OK) {
         result = sealed_file_read(backup, passphrase, draft, err);
         if (result == RESULT_OK)
             result = store_restore(draft, r->file, records_actor(), out_aside, err);
-        unlink(draft);
+        end_draft(draft, lock);
     }
     OPENSSL_cleanse(passphrase, sizeof passphrase);
     return result;

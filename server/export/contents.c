@@ -122,11 +122,13 @@ static void tell_progress(const struct walk *walk) {
 static bool on_step(void *user, const struct trace_record *record) {
     struct walking *w = user;
     double seconds = seconds_of(trace_reader_header(w->walk->reader), &record->output);
-    if (!is_wanted(w->walk->request, seconds))
-        return true;
+    bool reads_on = w->walk->marker != NULL;
+    if (!is_wanted(w->walk->request, seconds) || !w->left)
+        return w->left || reads_on;
     tell_progress(w->walk);
     w->begun = true;
-    return w->left-- > 0 && w->step(w->user, record, seconds) && w->left > 0;
+    w->left--;
+    return w->step(w->user, record, seconds) && (w->left || reads_on);
 }
 
 static bool on_remark(void *user, const struct remark *remark) {
@@ -136,10 +138,21 @@ static bool on_remark(void *user, const struct remark *remark) {
     return true;
 }
 
+// One that came late is behind the steps of its time, and may be behind all that are exported.
+static bool on_marker(void *user, const struct marker *marker) {
+    const struct walking *w = user;
+    int64_t start_ns = trace_reader_header(w->walk->reader)->start_ns;
+    double seconds = (double)(marker->time_ns - start_ns) / (double)NS_PER_S;
+    if (w->walk->marker && is_wanted(w->walk->request, seconds))
+        w->walk->marker(w->user, marker);
+    return true;
+}
+
 enum result walk_run(struct walk *walk, const struct contents *contents, walk_step step, void *user,
                      struct error *err) {
     struct walking walking = {walk, contents->steps, step, user, false};
-    struct trace_player player = {.user = &walking, .step = on_step, .remark = on_remark};
+    struct trace_player player = {
+        .user = &walking, .step = on_step, .remark = on_remark, .marker = on_marker};
     enum result result = open_trace(walk->request, &walk->reader, err);
     if (result != RESULT_OK)
         return result;

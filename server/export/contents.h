@@ -34,6 +34,8 @@ struct walk {
     const struct export_request *request;
     // Or NULL: the remarks between the steps that are exported.
     void (*remark)(void *user, const struct remark *remark);
+    // Or NULL: the markers whose time is in the part that is exported.
+    void (*marker)(void *user, const struct marker *marker);
     struct trace_reader *reader; // of the pass that is on
     int pass, passes;            // of how many: set by the caller, for the progress
 };

@@ -25,6 +25,10 @@ struct export_request {
 // is no such column.
 enum result export_csv(const struct export_request *request, FILE *out, struct error *err);
 
+// A row for each marker whose time is in the part that is asked for, in the order in which they
+// came.
+enum result export_markers(const struct export_request *request, FILE *out, struct error *err);
+
 // Without a scene the maps of cuts are left out. RESULT_LIMIT where there are more steps than an
 // image has pixels.
 enum result export_exr(const struct export_request *request, const char *path, struct error *err);

@@ -24,8 +24,8 @@ struct animation {
     struct contents contents;
     struct tracks tracks;
     struct model *model;
-    int times; // the instants
-    int materials[LOOK_COUNT];
+    int times;                      // the instants
+    int materials[CASE_GROUPS_MAX]; // of the case's groups
     int nodes[TRACK_COUNT];
     struct mesh before[TISSUES_MAX]; // as it was before the first step
     int state_count;
@@ -35,14 +35,12 @@ struct animation {
 
 // ---- what there is ------------------------------------------------------------------------------
 
-static void make_materials(struct animation *animation) {
-    for (int i = 0; i < LOOK_COUNT; i++)
-        animation->materials[i] =
-            model_material(animation->model, look_name((enum look)i), look_rgba((enum look)i));
-}
-
-static int material_of(const struct animation *animation, const struct case_group *group) {
-    return animation->materials[look_of_group(group)];
+static void make_materials(struct animation *animation, const struct knee_case *knee) {
+    for (int i = 0; i < knee->group_count; i++) {
+        float rgba[4];
+        look_of_group(&knee->groups[i], rgba);
+        animation->materials[i] = model_material(animation->model, knee->groups[i].name, rgba);
+    }
 }
 
 // z is up in the mock-up's frame, y in glTF.
@@ -57,31 +55,36 @@ static void add_instrument(struct animation *animation, int i, int seen, int moc
     const char *name = channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i));
     char in_hand[32];
     struct mesh shape;
+    float rgba[4];
     snprintf(in_hand, sizeof in_hand, "mockup_%s", name);
     look_instrument(&animation->contents.header.settings.bodies[i], &shape);
-    int made = model_mesh(animation->model, name, &shape, animation->materials[LOOK_STEEL]);
+    look_of_instrument(&animation->contents.header.settings.instruments.of[i], rgba);
+    int material = model_material(animation->model, name, rgba);
+    int made = model_mesh(animation->model, name, &shape, material);
     mesh_fini(&shape);
     animation->nodes[TRACK_WARPED + i] = model_node(animation->model, name, seen, made);
     animation->nodes[TRACK_HAND + i] = model_node(animation->model, in_hand, mockup, made);
 }
 
-static void add_virtual_group(struct animation *animation, const struct case_group *group) {
+static void add_virtual_group(struct animation *animation, const struct case_group *group,
+                              int material) {
     struct mesh mesh;
     case_group_virtual(group, &mesh);
-    int made = model_mesh(animation->model, group->name, &mesh, material_of(animation, group));
+    int made = model_mesh(animation->model, group->name, &mesh, material);
     mesh_fini(&mesh);
     model_node(animation->model, group->name, animation->nodes[TRACK_VIRTUAL + (int)group->body],
                made);
 }
 
-static void add_physical_group(struct animation *animation, const struct case_group *group) {
+static void add_physical_group(struct animation *animation, const struct case_group *group,
+                               int material) {
     const struct mesh *mesh = &group->mesh;
     struct atlas atlas = atlas_of(mesh->triangle_count);
     float *uv = alloc(6 * (size_t)mesh->triangle_count, sizeof *uv);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         for (uint32_t corner = 0; corner < 3; corner++)
             atlas_uv(&atlas, t, (int)corner, uv + 6 * (size_t)t + 2 * corner);
-    int material = material_of(animation, group), made;
+    int made;
     char name[CASE_NAME_MAX + 16];
     snprintf(name, sizeof name, "mockup_%s", group->name);
     if (group->cuttable)
@@ -94,7 +97,7 @@ static void add_physical_group(struct animation *animation, const struct case_gr
 
 static void build(struct animation *animation) {
     const struct knee_case *knee = scene_case(animation->walk.request->scene);
-    make_materials(animation);
+    make_materials(animation, knee);
     int seen = make_root(animation, "seen", 0);
     int mockup = make_root(animation, "mockup", -BESIDE_MM);
     for (int i = 0; i < BODY_COUNT; i++) {
@@ -107,9 +110,9 @@ static void build(struct animation *animation) {
             model_node(animation->model, name, mockup, MODEL_NONE);
     }
     for (int i = 0; i < knee->group_count; i++) {
-        add_physical_group(animation, &knee->groups[i]);
+        add_physical_group(animation, &knee->groups[i], animation->materials[i]);
         if (!knee->groups[i].cuttable)
-            add_virtual_group(animation, &knee->groups[i]);
+            add_virtual_group(animation, &knee->groups[i], animation->materials[i]);
     }
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (animation->contents.present[i])
@@ -121,10 +124,11 @@ static void build(struct animation *animation) {
 static void add_state(struct animation *animation, int tissue, const struct mesh *mesh,
                       double on_s) {
     const struct scene *scene = animation->walk.request->scene;
-    const struct case_group *group = &scene_case(scene)->groups[scene_tissue_group(scene, tissue)];
+    int index = scene_tissue_group(scene, tissue);
+    const struct case_group *group = &scene_case(scene)->groups[index];
     char name[CASE_NAME_MAX + 24];
     snprintf(name, sizeof name, on_s > 0 ? "%s.%d" : "%s", group->name, animation->state_count);
-    int made = model_mesh(animation->model, name, mesh, animation->materials[LOOK_MENISCUS]);
+    int made = model_mesh(animation->model, name, mesh, animation->materials[index]);
     animation->states = alloc_resize(animation->states, (size_t)animation->state_count + 1,
                                      sizeof *animation->states);
     animation->states[animation->state_count] =

@@ -49,6 +49,8 @@ static void add_values(struct input_fields *list, enum sample_kind kind, size_t 
     if (kind == SAMPLE_HANDLE) {
         add(list, "opening", &field_real, base + offsetof(struct sample, handle.opening));
         add(list, "buttons", &field_bits, base + offsetof(struct sample, handle.buttons));
+    } else if (kind == SAMPLE_FORCE) {
+        add(list, "n", &field_real, base + offsetof(struct sample, force_n));
     } else if (kind == SAMPLE_JOINT) {
         for (size_t i = 0; i < sizeof angles / sizeof *angles; i++)
             add(list, angles[i], &field_real,
@@ -61,11 +63,11 @@ static void add_values(struct input_fields *list, enum sample_kind kind, size_t 
 }
 
 static void add_sample(struct input_fields *list, enum channel channel, enum sample_kind kind) {
+    static const char *const kinds[SAMPLE_KIND_COUNT] = {"", "", "handle_", "force_"};
     char prefix[40];
     size_t place = (size_t)channel * SAMPLE_KIND_COUNT + kind;
     size_t base = offsetof(struct input_row, samples) + place * sizeof(struct sample);
-    snprintf(prefix, sizeof prefix, "measured_%s_%s", channel_name(channel),
-             kind == SAMPLE_HANDLE ? "handle_" : "");
+    snprintf(prefix, sizeof prefix, "measured_%s_%s", channel_name(channel), kinds[kind]);
     list->owner = (int)place;
     list->prefix = prefix;
     add(list, "time_ns", &field_time, base + offsetof(struct sample, time_ns));

@@ -7,31 +7,23 @@
 #define RADIUS_MM 1.5 // of a shaft whose settings say nothing else
 #define AROUND 12
 
-static const struct {
-    const char *name;
-    float rgba[4];
-} looks[LOOK_COUNT] = {
-    [LOOK_BONE] = {"bone", {0.94F, 0.89F, 0.77F, 1}},
-    [LOOK_MENISCUS] = {"meniscus", {0.66F, 0.77F, 0.84F, 1}},
-    [LOOK_LIGAMENT] = {"ligament", {0.85F, 0.90F, 0.91F, 1}},
-    [LOOK_SKIN] = {"skin", {0.86F, 0.70F, 0.64F, 0.15F}},
-    [LOOK_STEEL] = {"instrument", {0.45F, 0.47F, 0.50F, 1}},
-};
+static const double skin_opacity = 0.15;
+static const uint32_t steel = 0x737880;
 
-const char *look_name(enum look look) {
-    return looks[look].name;
+static void take_rgba(uint32_t colour, double opacity, float out[4]) {
+    double rgb[3];
+    tissue_rgb(colour, rgb);
+    for (int i = 0; i < 3; i++)
+        out[i] = (float)rgb[i];
+    out[3] = (float)opacity;
 }
 
-const float *look_rgba(enum look look) {
-    return looks[look].rgba;
+void look_of_group(const struct case_group *group, float out_rgba[4]) {
+    take_rgba(group->tissue.colour, case_group_is_skin(group) ? skin_opacity : 1, out_rgba);
 }
 
-enum look look_of_group(const struct case_group *group) {
-    if (case_group_is_skin(group))
-        return LOOK_SKIN;
-    if (group->cuttable || !strncmp(group->name, "meniscus", 8))
-        return LOOK_MENISCUS;
-    return group->bridges ? LOOK_LIGAMENT : LOOK_BONE;
+void look_of_instrument(const struct instrument *instrument, float out_rgba[4]) {
+    take_rgba(instrument->colour == INSTRUMENT_PLAIN ? steel : instrument->colour, 1, out_rgba);
 }
 
 static double radius_of(const struct instrument_body *body) {

@@ -4,11 +4,10 @@
 #include "case/case.h"
 #include "step/settings.h"
 
-enum look { LOOK_BONE, LOOK_MENISCUS, LOOK_LIGAMENT, LOOK_SKIN, LOOK_STEEL, LOOK_COUNT };
-
-const char *look_name(enum look look);
-const float *look_rgba(enum look look); // four, 0 to 1
-enum look look_of_group(const struct case_group *group);
+// Four values, 0 to 1: of what the case and the session describe; the skin is translucent, and an
+// instrument without a colour of its own is steel.
+void look_of_group(const struct case_group *group, float out_rgba[4]);
+void look_of_instrument(const struct instrument *instrument, float out_rgba[4]);
 
 // A shaft along z that ends in a cone at the tip, in the frame of the tip, as thick as the body.
 // The caller releases it with mesh_fini.

@@ -88,6 +88,19 @@ void message_instrument(struct message *message, uint64_t time_ns, const uint64_
     encode(message, arthron_session_Instrument_fields, &m);
 }
 
+void message_force(struct message *message, uint64_t time_ns, uint64_t measured_ns,
+                   const struct sample *force) {
+    bool is_known = force->validity != VALIDITY_LOST;
+    arthron_session_Force m = {true,
+                               stamp_of(time_ns),
+                               true,
+                               stamp_of(measured_ns),
+                               text_of(validity_name(force->validity)),
+                               is_known,
+                               is_known ? force->force_n : 0};
+    encode(message, arthron_session_Force_fields, &m);
+}
+
 void message_resection(struct message *message, uint64_t time_ns, const struct landed *landed) {
     const struct tissue_figures *f = &landed->figures;
     arthron_session_Resection m = {true,
@@ -107,6 +120,13 @@ void message_resection(struct message *message, uint64_t time_ns, const struct l
                                    f->touched_unseen_mm3,
                                    f->seen_untouched_mm3};
     encode(message, arthron_session_Resection_fields, &m);
+}
+
+void message_marker(struct message *message, uint64_t time_ns, const struct marker *marker) {
+    arthron_session_Marker m = {
+        true,          stamp_of(time_ns), text_of(marker->name), text_of(marker->device),
+        marker->value, marker->number};
+    encode(message, arthron_session_Marker_fields, &m);
 }
 
 void message_log(struct message *message, uint64_t time_ns, bool is_warning, const char *text,

@@ -1,6 +1,7 @@
 // The messages of a recording, as protobuf. Millimetres in, metres in the bytes.
 #pragma once
 
+#include "base/marker.h"
 #include "mesh/mesh.h"
 #include "step/output.h"
 
@@ -22,7 +23,11 @@ void message_joint(struct message *message, uint64_t time_ns, const struct sessi
 // measured_ns: or NULL. nearest: the name of the nearest surface, or "".
 void message_instrument(struct message *message, uint64_t time_ns, const uint64_t *measured_ns,
                         const char *nearest, const struct instrument_output *instrument);
+// force: of kind SAMPLE_FORCE.
+void message_force(struct message *message, uint64_t time_ns, uint64_t measured_ns,
+                   const struct sample *force);
 void message_resection(struct message *message, uint64_t time_ns, const struct landed *landed);
+void message_marker(struct message *message, uint64_t time_ns, const struct marker *marker);
 void message_log(struct message *message, uint64_t time_ns, bool is_warning, const char *text,
                  const char *name);
 // A mesh that follows the frame, in place of the one with this id.

@@ -1,12 +1,10 @@
-#include "base/check.h"
 #include "export/export.h"
 #include "export/inputs.h"
-#include "export/landings.h"
 #include "export/look.h"
 #include "export/mcap.h"
 #include "export/mcap_messages.h"
+#include "export/tissue_states.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #define FRAME_MOCKUP "mockup"
@@ -18,15 +16,8 @@ struct moving_frame {
     uint16_t channel;
 };
 
-// A tissue after a cut.
-struct cut_mesh_state {
-    uint64_t step;
-    int tissue;
-    struct mesh mesh;
-};
-
 struct schemas {
-    uint16_t transform, scene, log, joint, instrument, resection;
+    uint16_t transform, scene, log, joint, instrument, force, marker, resection;
 };
 
 struct recording {
@@ -40,10 +31,10 @@ struct recording {
     uint16_t tool_meshes[2][INSTRUMENT_COUNT];      // channels
     uint16_t group_meshes[2][CASE_GROUPS_MAX];      // physical, virtual
     uint16_t instruments[INSTRUMENT_COUNT], tissues[TISSUES_MAX];
-    uint16_t joint, events, remarks;
-    struct mesh before[TISSUES_MAX]; // as it was before the first step
-    struct cut_mesh_state *cuts;
-    int cut_count, next_cut;
+    uint16_t forces[CHANNEL_COUNT];
+    uint16_t joint, events, remarks, markers;
+    struct tissue_states tissue;
+    int next_cut;
     bool begun, shown[INSTRUMENT_COUNT];
 };
 
@@ -81,6 +72,8 @@ static void add_schemas(struct recording *r) {
                {"foxglove.Log", &r->schemas.log},
                {"arthron.session.Joint", &r->schemas.joint},
                {"arthron.session.Instrument", &r->schemas.instrument},
+               {"arthron.session.Force", &r->schemas.force},
+               {"arthron.session.Marker", &r->schemas.marker},
                {"arthron.session.Resection", &r->schemas.resection}};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         *all[i].out = mcap_schema(r->mcap, all[i].name, mcap_schemas, mcap_schemas_size);
@@ -125,9 +118,14 @@ static void add_channels(struct recording *r) {
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (r->contents.present[i])
             add_tool(r, i);
+    for (int i = 0; i < CHANNEL_COUNT; i++)
+        if (r->contents.sampled[i][SAMPLE_FORCE])
+            r->forces[i] =
+                add_channel(r, r->schemas.force, "/force/", channel_name((enum channel)i));
     r->joint = add_channel(r, r->schemas.joint, "/", "joint");
     r->events = add_channel(r, r->schemas.log, "/", "events");
     r->remarks = add_channel(r, r->schemas.log, "/", "remarks");
+    r->markers = add_channel(r, r->schemas.marker, "/", "markers");
     add_groups(r);
     if (r->contents.landed)
         add_tissues(r);
@@ -141,31 +139,6 @@ static void describe(struct recording *r) {
     const char *const pairs[] = {"session", session,      "station",    h->station,
                                  "case",    h->case_name, "trace_hash", hash};
     mcap_metadata(r->mcap, "arthron", pairs, sizeof pairs / sizeof *pairs / 2);
-}
-
-// ---- tissue that is cut -------------------------------------------------------------------------
-
-static void take_mesh(const struct operation *operation, int tissue, struct mesh *out_mesh) {
-    mesh_fini(out_mesh);
-    cut_mesh_flatten(operation_mesh(operation, tissue), out_mesh, NULL, NULL);
-}
-
-static void take_start(void *context, const struct operation *operation) {
-    struct recording *r = context;
-    for (int i = 0; i < scene_tissue_count(r->walk.request->scene); i++)
-        take_mesh(operation, i, &r->before[i]);
-}
-
-static void take_landing(void *context, struct landing *landing,
-                         const struct operation *operation) {
-    struct recording *r = context;
-    int tissue = landing->result->tissue;
-    if (!landing->wanted)
-        return take_mesh(operation, tissue, &r->before[tissue]);
-    r->cuts = alloc_resize(r->cuts, (size_t)r->cut_count + 1, sizeof *r->cuts);
-    struct cut_mesh_state *cut = &r->cuts[r->cut_count++];
-    *cut = (struct cut_mesh_state){.step = landing->step, .tissue = tissue};
-    take_mesh(operation, tissue, &cut->mesh);
 }
 
 // ---- messages -----------------------------------------------------------------------------------
@@ -184,8 +157,9 @@ static void send_pose(struct recording *r, uint64_t utc_ns, const struct moving_
 static void send_group(struct recording *r, uint64_t utc_ns, int group, bool is_virtual,
                        const struct mesh *mesh) {
     const struct case_group *g = &case_of(r)->groups[group];
-    message_mesh(&r->message, utc_ns, r->bones[is_virtual][g->body].name, g->name, mesh,
-                 look_rgba(look_of_group(g)));
+    float rgba[4];
+    look_of_group(g, rgba);
+    message_mesh(&r->message, utc_ns, r->bones[is_virtual][g->body].name, g->name, mesh, rgba);
     send(r, r->group_meshes[is_virtual][group], utc_ns);
 }
 
@@ -208,7 +182,7 @@ static void send_groups(struct recording *r, uint64_t utc_ns) {
         mesh_fini(&mesh);
     }
     for (int i = 0; i < scene_tissue_count(r->walk.request->scene); i++)
-        send_tissue(r, utc_ns, i, &r->before[i]);
+        send_tissue(r, utc_ns, i, &r->tissue.before[i]);
 }
 
 // When an instrument comes, and when it goes.
@@ -219,9 +193,11 @@ static void send_tool_meshes(struct recording *r, uint64_t utc_ns, int i, bool p
     for (int shown = 0; shown < 2; shown++) {
         const char *name = r->tools[shown][i].name;
         struct mesh mesh;
+        float rgba[4];
         look_instrument(&r->contents.header.settings.bodies[i], &mesh);
+        look_of_instrument(&r->contents.header.settings.instruments.of[i], rgba);
         if (present)
-            message_mesh(&r->message, utc_ns, name, name, &mesh, look_rgba(LOOK_STEEL));
+            message_mesh(&r->message, utc_ns, name, name, &mesh, rgba);
         else
             message_no_mesh(&r->message, utc_ns, name);
         mesh_fini(&mesh);
@@ -253,6 +229,16 @@ static void send_tool(struct recording *r, uint64_t utc_ns, const struct input_r
     send(r, r->instruments[i], utc_ns);
 }
 
+static void send_forces(struct recording *r, uint64_t utc_ns, const struct input_row *row) {
+    for (int i = 0; i < CHANNEL_COUNT; i++) {
+        const struct sample *force = &row->samples[i][SAMPLE_FORCE];
+        if (!row->sampled[i][SAMPLE_FORCE])
+            continue;
+        message_force(&r->message, utc_ns, utc_of(r, force->time_ns), force);
+        send(r, r->forces[i], utc_ns);
+    }
+}
+
 static void send_events(struct recording *r, uint64_t utc_ns, const struct session_output *o) {
     const uint32_t warnings = EVENT_DEVICE_LOST | EVENT_REFUSED;
     for (int i = 0; i < EVENT_COUNT; i++) {
@@ -266,8 +252,10 @@ static void send_events(struct recording *r, uint64_t utc_ns, const struct sessi
 }
 
 static void send_landed(struct recording *r, uint64_t utc_ns, const struct session_output *o) {
-    for (; r->next_cut < r->cut_count && r->cuts[r->next_cut].step <= o->step; r->next_cut++) {
-        struct cut_mesh_state *cut = &r->cuts[r->next_cut];
+    const struct tissue_states *tissue = &r->tissue;
+    for (; r->next_cut < tissue->cut_count && tissue->cuts[r->next_cut].step <= o->step;
+         r->next_cut++) {
+        struct cut_mesh_state *cut = &tissue->cuts[r->next_cut];
         send_tissue(r, utc_ns, cut->tissue, &cut->mesh);
         mesh_fini(&cut->mesh);
     }
@@ -292,6 +280,7 @@ static bool on_step(void *user, const struct trace_record *record, double second
         send_groups(r, utc_ns);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         send_tool(r, utc_ns, &row, i, &o->instruments[i]);
+    send_forces(r, utc_ns, &row);
     message_joint(&r->message, utc_ns, o);
     send(r, r->joint, utc_ns);
     send_events(r, utc_ns, o);
@@ -303,24 +292,20 @@ static bool on_step(void *user, const struct trace_record *record, double second
 static void on_remark(void *user, const struct remark *remark) {
     struct recording *r = user;
     uint64_t utc_ns = utc_of(r, remark->time_ns);
-    char text[REMARK_TEXT_MAX + 64];
-    if (remark->has_marker)
-        snprintf(text, sizeof text, "%s [touch %.1f %.1f %.1f mm of the %s]", remark->text,
-                 remark->point.x, remark->point.y, remark->point.z, body_name(remark->body));
-    else
-        snprintf(text, sizeof text, "%s%s", remark->text, remark->withdrawn ? " [withdrawn]" : "");
+    char text[REMARK_DESCRIPTION_SIZE];
+    remark_describe(remark, text);
     message_log(&r->message, utc_ns, false, text, remark->author);
     send(r, r->remarks, utc_ns);
 }
 
-// ---- the file -----------------------------------------------------------------------------------
-
-static enum result read_cuts(struct recording *r, struct error *err) {
-    struct landing_watcher watcher = {r, take_start, take_landing};
-    if (!r->walk.request->scene)
-        return RESULT_OK;
-    return landings_run(&r->walk, &watcher, err);
+static void on_marker(void *user, const struct marker *marker) {
+    struct recording *r = user;
+    uint64_t utc_ns = utc_of(r, marker->time_ns);
+    message_marker(&r->message, utc_ns, marker);
+    send(r, r->markers, utc_ns);
 }
+
+// ---- the file -----------------------------------------------------------------------------------
 
 static enum result write_file(struct recording *r, const char *path, struct error *err) {
     enum result result = mcap_create(path, "arthron " ARTHRON_VERSION, &r->mcap, err);
@@ -329,6 +314,7 @@ static enum result write_file(struct recording *r, const char *path, struct erro
     describe(r);
     add_channels(r);
     r->walk.remark = on_remark;
+    r->walk.marker = on_marker;
     result = walk_run(&r->walk, &r->contents, on_step, r, err);
     if (result == RESULT_OK)
         return mcap_finish(&r->mcap, err);
@@ -339,15 +325,11 @@ static enum result write_file(struct recording *r, const char *path, struct erro
 enum result export_mcap(const struct export_request *request, const char *path, struct error *err) {
     struct recording r = {.walk = {.request = request, .passes = request->scene ? 2 : 1}};
     enum result result = contents_read(request, &r.contents, err);
-    if (result == RESULT_OK)
-        result = read_cuts(&r, err);
+    if (result == RESULT_OK && request->scene)
+        result = tissue_states_read(&r.walk, &r.tissue, err);
     if (result == RESULT_OK)
         result = write_file(&r, path, err);
-    for (int i = 0; i < TISSUES_MAX; i++)
-        mesh_fini(&r.before[i]);
-    for (int i = 0; i < r.cut_count; i++)
-        mesh_fini(&r.cuts[i].mesh);
-    free(r.cuts);
+    tissue_states_fini(&r.tissue);
     message_fini(&r.message);
     return result == RESULT_OK ? contents_end(&r.contents, err) : result;
 }

@@ -8,7 +8,9 @@
 
 #define RECIPE_CAVITIES_MAX 8
 #define RECIPE_MENISCUS_MAX 4 // tears, and plans
-#define RECIPE_STEPS_MAX (CASE_LIGAMENTS_MAX + RECIPE_CAVITIES_MAX + 2 * RECIPE_MENISCUS_MAX)
+#define RECIPE_TISSUES_MAX 8
+#define RECIPE_STEPS_MAX                                                                           \
+    (CASE_LIGAMENTS_MAX + RECIPE_CAVITIES_MAX + 2 * RECIPE_MENISCUS_MAX + RECIPE_TISSUES_MAX)
 
 struct recipe {
     char name[CASE_NAME_MAX]; // the recipe's folder
@@ -20,8 +22,8 @@ struct recipe {
     double meniscus_lateral_cm3;
     double rim_mm; // of the menisci's maxcut; 0: they have none
     int step_count;
-    // Made by their kind: ligaments, cavities, tears, plans; cavities as for a knee of size 1, but
-    // for radius and depth.
+    // Made by their kind: ligaments, cavities, tears, plans, tissues. Places are as for a knee of
+    // size 1; radius, depth, width and thickness are not scaled.
     struct pathology steps[RECIPE_STEPS_MAX];
 };
 

@@ -109,6 +109,8 @@ static enum result treat_meniscus(struct knee_case *knee, const struct pathology
     struct arc *arc = NULL;
     if (!group)
         return fail(err, RESULT_MISSING, "the case has no group %s", name);
+    if (!group->tissue.has_zones)
+        return fail(err, RESULT_INVALID, "%s is no meniscus, as it has no zones (case.json)", name);
     enum result result = make_cuttable(knee, group, rim_mm, err);
     if (result != RESULT_OK)
         return result;
@@ -129,5 +131,7 @@ enum result pathology_apply(struct knee_case *knee, const struct pathology *step
         return keys_add(knee, step->name, &step->ligament, err);
     if (step->kind == PATHOLOGY_CAVITY)
         return add_cavity(knee, &step->cavity, rim_mm, err);
+    if (step->kind == PATHOLOGY_TISSUE)
+        return add_tissue_apply(knee, step->name, &step->tissue, err);
     return treat_meniscus(knee, step, rim_mm, err);
 }

@@ -2,6 +2,7 @@
 // or imported. A recipe is a list of them, and each is a command of arthron-case.
 #pragma once
 
+#include "generate/add_tissue.h"
 #include "generate/deform.h"
 #include "generate/tear.h"
 
@@ -10,12 +11,13 @@
 enum pathology_kind {
     PATHOLOGY_LIGAMENT, // a torn one
     PATHOLOGY_CAVITY,
-    PATHOLOGY_TEAR, // of a meniscus, with the plan that takes it out
-    PATHOLOGY_PLAN, // a planned resection, in place of the one that there is
+    PATHOLOGY_TEAR,   // of a meniscus, with the plan that takes it out
+    PATHOLOGY_PLAN,   // a planned resection, in place of the one that there is
+    PATHOLOGY_TISSUE, // a group that is added, or described
     PATHOLOGY_KIND_COUNT
 };
 
-const char *pathology_kind_name(enum pathology_kind kind); // "ligament", "cavity", "tear", "plan"
+const char *pathology_kind_name(enum pathology_kind kind); // "ligament", "cavity", "tear", ...
 
 // A dent of a bone. All groups of the body follow the same smooth, one-to-one map of space, so
 // facing surfaces (a meniscus and its tibia) stay as clear of one another as they were.
@@ -50,16 +52,17 @@ struct pathology_ligament {
 
 struct pathology {
     enum pathology_kind kind;
-    char name[CASE_NAME_MAX]; // a ligament's own; of others for errors
+    char name[CASE_NAME_MAX]; // a ligament's own, or a group's; of others for errors
     union {
         struct pathology_cavity cavity;
         struct pathology_tear tear;
         struct pathology_plan plan;
         struct pathology_ligament ligament;
+        struct add_tissue tissue;
     };
 };
 
-// The name fits and, of a ligament, is valid.
+// The name fits and, of a ligament or a tissue, is valid.
 void pathology_init(struct pathology *step, enum pathology_kind kind, const char *name);
 
 // Takes one word of a recipe (cases/README.md). RESULT_INVALID: an unknown key, or a value out of

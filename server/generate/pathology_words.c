@@ -6,7 +6,8 @@
 #include <string.h>
 
 const char *pathology_kind_name(enum pathology_kind kind) {
-    static const char *const names[PATHOLOGY_KIND_COUNT] = {"ligament", "cavity", "tear", "plan"};
+    static const char *const names[PATHOLOGY_KIND_COUNT] = {"ligament", "cavity", "tear", "plan",
+                                                            "tissue"};
     CHECK((unsigned)kind < PATHOLOGY_KIND_COUNT);
     return names[kind];
 }
@@ -19,6 +20,8 @@ void pathology_init(struct pathology *step, enum pathology_kind kind, const char
         step->cavity = (struct pathology_cavity){.body = BODY_COUNT, .dent.at.x = NAN};
     if (kind == PATHOLOGY_TEAR)
         step->tear.tear.kind = TEAR_KIND_COUNT;
+    if (kind == PATHOLOGY_TISSUE)
+        add_tissue_init(&step->tissue);
 }
 
 // ---- numbers ------------------------------------------------------------------------------------
@@ -120,9 +123,9 @@ static enum result take_place(struct pathology_cavity *cavity, const char *key, 
     return RESULT_OK;
 }
 
-static enum result take_meniscus(char group[CASE_NAME_MAX], const char *value, struct error *err) {
-    if (strcmp(value, "meniscus_medial") != 0 && strcmp(value, "meniscus_lateral") != 0)
-        return refuse(err, "group", "must be meniscus_medial or meniscus_lateral");
+static enum result take_group(char group[CASE_NAME_MAX], const char *value, struct error *err) {
+    if (!case_name_is_valid(value))
+        return refuse(err, "group", "must be the name of a group, as meniscus_medial");
     strcpy(group, value);
     return RESULT_OK;
 }
@@ -135,12 +138,14 @@ enum result pathology_take(struct pathology *step, const char *key, const char *
     word = word_of(series, COUNT(series), step, key);
     if (word)
         return take_series(step, word, value, err);
+    if (step->kind == PATHOLOGY_TISSUE)
+        return add_tissue_take(&step->tissue, key, value, err);
     if (step->kind == PATHOLOGY_CAVITY)
         return take_place(&step->cavity, key, value, err);
     if (step->kind == PATHOLOGY_TEAR && strcmp(key, "group") == 0)
-        return take_meniscus(step->tear.group, value, err);
+        return take_group(step->tear.group, value, err);
     if (step->kind == PATHOLOGY_PLAN && strcmp(key, "group") == 0)
-        return take_meniscus(step->plan.group, value, err);
+        return take_group(step->plan.group, value, err);
     if (step->kind != PATHOLOGY_TEAR || strcmp(key, "kind") != 0)
         return refuse(err, key, "unknown key");
     return tear_kind_from_name(value, &step->tear.tear.kind)
@@ -214,6 +219,8 @@ enum result pathology_check(const struct pathology *step, struct error *err) {
         return check_cavity(&step->cavity, err);
     case PATHOLOGY_TEAR:
         return check_tear(&step->tear, err);
+    case PATHOLOGY_TISSUE:
+        return add_tissue_check(&step->tissue, err);
     default:
         return check_plan(&step->plan, err);
     }

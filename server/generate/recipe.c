@@ -49,10 +49,9 @@ static enum result read_number(struct recipe_reader *r, const char *section, con
 // ---- steps --------------------------------------------------------------------------------------
 
 static const int steps_max[PATHOLOGY_KIND_COUNT] = {
-    [PATHOLOGY_LIGAMENT] = CASE_LIGAMENTS_MAX,
-    [PATHOLOGY_CAVITY] = RECIPE_CAVITIES_MAX,
-    [PATHOLOGY_TEAR] = RECIPE_MENISCUS_MAX,
-    [PATHOLOGY_PLAN] = RECIPE_MENISCUS_MAX,
+    [PATHOLOGY_LIGAMENT] = CASE_LIGAMENTS_MAX, [PATHOLOGY_CAVITY] = RECIPE_CAVITIES_MAX,
+    [PATHOLOGY_TEAR] = RECIPE_MENISCUS_MAX,    [PATHOLOGY_PLAN] = RECIPE_MENISCUS_MAX,
+    [PATHOLOGY_TISSUE] = RECIPE_TISSUES_MAX,
 };
 
 static const char *const steps_limits[PATHOLOGY_KIND_COUNT] = {
@@ -60,6 +59,7 @@ static const char *const steps_limits[PATHOLOGY_KIND_COUNT] = {
     [PATHOLOGY_CAVITY] = "at most 8 cavities, with names of at most 63 characters",
     [PATHOLOGY_TEAR] = "at most 4 tears, with names of at most 63 characters",
     [PATHOLOGY_PLAN] = "at most 4 plans, with names of at most 63 characters",
+    [PATHOLOGY_TISSUE] = "at most 8 tissues, with names of letters, digits and \"_-.\"",
 };
 
 // "[tear NAME]": the kind, and the name; NULL for another section.
@@ -83,8 +83,8 @@ static struct pathology *step_of(struct recipe *recipe, enum pathology_kind kind
             return &recipe->steps[i];
         same += recipe->steps[i].kind == kind;
     }
-    bool named = kind == PATHOLOGY_LIGAMENT ? case_name_is_valid(name)
-                                            : strlen(name) < sizeof recipe->steps[0].name;
+    bool is_name = kind == PATHOLOGY_LIGAMENT || kind == PATHOLOGY_TISSUE;
+    bool named = is_name ? case_name_is_valid(name) : strlen(name) < sizeof recipe->steps[0].name;
     if (same == steps_max[kind] || !named)
         return NULL;
     struct pathology *step = &recipe->steps[recipe->step_count++];

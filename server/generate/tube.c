@@ -215,12 +215,12 @@ static vec3 ligament_outline(double angle, const void *shape) {
     return (vec3){l->half_width * cos(angle), l->half_thickness * sin(angle), 0};
 }
 
-static vec3 curve(const vec3 p[4], double t) {
+vec3 tube_curve(const vec3 *p, double t) {
     vec3 a = vec3_lerp(p[0], p[1], t), b = vec3_lerp(p[1], p[2], t), c = vec3_lerp(p[2], p[3], t);
     return vec3_lerp(vec3_lerp(a, b, t), vec3_lerp(b, c, t), t);
 }
 
-static vec3 curve_direction(const vec3 p[4], double t) {
+static vec3 curve_direction(const vec3 *p, double t) {
     vec3 ab = vec3_lerp(vec3_sub(p[1], p[0]), vec3_sub(p[2], p[1]), t);
     vec3 bc = vec3_lerp(vec3_sub(p[2], p[1]), vec3_sub(p[3], p[2]), t);
     return vec3_unit_or(vec3_lerp(ab, bc, t), (vec3){0, 0, -1});
@@ -233,7 +233,7 @@ void tube_ligament(const struct ligament *l, double edge, struct mesh *out_mesh)
     even_angles(ligament_outline, l, tube.sides, angles);
     for (uint32_t r = 0; r < tube.rings; r++) {
         double scale, along = ring_at(&tube, r, l->half_width / length, &scale);
-        vec3 centre = curve(l->path, along), forward = curve_direction(l->path, along);
+        vec3 centre = tube_curve(l->path, along), forward = curve_direction(l->path, along);
         vec3 wide = vec3_unit_or(vec3_cross(forward, l->flat), (vec3){0, 1, 0});
         vec3 thin = vec3_cross(wide, forward);
         for (uint32_t i = 0; i < tube.sides; i++) {

@@ -22,4 +22,5 @@ struct ligament {
 #define LIGAMENT_COUNT 4
 extern const struct ligament ligaments[LIGAMENT_COUNT];
 
+vec3 tube_curve(const vec3 *path, double t); // 0 to 1, of the Bézier curve of its four points
 void tube_ligament(const struct ligament *ligament, double edge, struct mesh *out_mesh);

@@ -292,15 +292,16 @@ static const struct {
 
 // How sure: how far the place moves along the meniscus with a hundredth of its arc.
 static void find_menisci(struct finder *f) {
-    static const char *const names[] = {"meniscus_medial", "meniscus_lateral"};
+    static const enum tissue_side sides[] = {
+        [COMPARTMENT_MEDIAL] = TISSUE_MEDIAL, [COMPARTMENT_LATERAL] = TISSUE_LATERAL};
     for (int i = 0; i < COMPARTMENT_COUNT; i++) {
-        const struct case_group *group = case_group(f->knee, names[i]);
+        const struct case_group *group = case_meniscus(f->knee, sides[i]);
         struct arc *arc;
         struct error why;
         if (!group)
             continue;
         if (arc_create(&group->mesh, f->knee->joint.T_tibia_joint, &arc, &why) != RESULT_OK) {
-            landmarks_note(f->notes, "no landmarks of %s are found: %s", names[i], why.text);
+            landmarks_note(f->notes, "no landmarks of %s are found: %s", group->name, why.text);
             continue;
         }
         for (size_t k = 0; k < sizeof meniscus_places / sizeof *meniscus_places; k++) {

@@ -31,7 +31,7 @@ static enum result bones_init(struct bones *b, struct knee_case *knee, struct er
         if (bone)
             result = solid_init(&b->solids[body], &bone->mesh, err);
     }
-    const struct case_group *skin = case_group(knee, "skin");
+    const struct case_group *skin = case_skin(knee);
     if (result == RESULT_OK && skin)
         result = query_create(&skin->mesh, &b->skin, err);
     return result;

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define REMARKS_AT_ONCE 16
+#define MARKERS_AT_ONCE 64
 
 // Of one page, to the thread that lands all cuts: what comes faster waits, and only the last
 // counts.
@@ -118,6 +119,7 @@ static void fill_session(struct live_server *live, const struct viewer *viewer,
     const struct knee_case *knee = scene_case(sessions_scene(live->sessions, about->scene));
     memcpy(out->id, about->id, sizeof out->id);
     wire_session_instruments_from(&about->instruments, out);
+    reply_groups(knee, out);
     snprintf(out->trainee, sizeof out->trainee, "%s", about->trainee);
     snprintf(out->case_name, sizeof out->case_name, "%s", config->cases[about->scene].name);
     memcpy(out->own_case, out->case_name, sizeof out->own_case);
@@ -164,6 +166,7 @@ static bool introduce(struct live_server *live, struct viewer *viewer, struct li
     viewer->session = cache->about.serial;
     viewer->remarks = 0;
     memset(viewer->remarked, 0, sizeof viewer->remarked);
+    viewer->markers = 0;
     viewer->metrics_ns = 0;
     memset(viewer->resected, 0, sizeof viewer->resected);
     return true;
@@ -187,6 +190,21 @@ static void put_remarks(struct live_server *live, struct viewer *viewer, struct 
         viewer->remarks = revision;
     else
         batch->full = true;
+}
+
+static void put_markers(struct live_server *live, struct viewer *viewer, struct live_batch *batch) {
+    struct marker markers[MARKERS_AT_ONCE];
+    uint64_t told = viewer->markers;
+    int count = sessions_markers(live->sessions, viewer->station, viewer->session, &told, markers,
+                                 MARKERS_AT_ONCE);
+    viewer->markers = told - (uint64_t)count;
+    for (int i = 0; i < count; i++, viewer->markers++) {
+        live->item = (arthron_Live){.which_message = arthron_Live_marker_tag,
+                                    .message.marker = wire_marker_from(&markers[i])};
+        live->item.message.marker.time_ns -= live->cache[viewer->station].about.start_ns;
+        if (!batch_say(batch, &live->item))
+            return;
+    }
 }
 
 // ---- resections ---------------------------------------------------------------------------------
@@ -298,6 +316,7 @@ static void put_what_moves(struct live_server *live, struct viewer *viewer, int6
     struct sent_state *sent = &viewer->sent[viewer->station];
     const struct station_cache *cache = &live->cache[viewer->station];
     put_remarks(live, viewer, batch);
+    put_markers(live, viewer, batch);
     put_resections(live, viewer, batch);
     put_moment(cache, sent, batch);
     put_metrics(live, viewer, now_ns, batch);

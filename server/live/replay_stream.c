@@ -115,6 +115,7 @@ static void say_session(struct replay_stream *f, const char *path) {
     out->case_hash = scene_case(f->scene)->hash;
     out->start_utc_ns = f->header.start_utc_ns;
     wire_session_instruments_from(&f->header.settings.instruments, out);
+    reply_groups(scene_case(f->scene), out);
     out->strength = (float)f->header.settings.field.strength;
     out->optic_deg = (float)f->header.optic.tilt_deg;
     out->optic_view_deg = (float)f->header.optic.field_deg;
@@ -251,15 +252,23 @@ static void show_step(struct replay_stream *f, const struct trace_record *record
     bool landed = output.landed.job && output.landed.outcome != JOB_NOTHING;
     if (landed && (!f->shows_meshes || f->gap))
         say_resection(f, output.landed.tissue, &output.landed.figures);
+    metrics_step(&f->metrics, &record->input, &output);
     snapshot_step(&f->moments, &output);
+    snapshot_forces(&f->moments, &f->metrics);
     say_moment(f, landed || f->landed || output.events & EVENT_STATE);
     f->landed = false;
-    metrics_step(&f->metrics, &record->input, &output);
 }
 
 static void show_remark(struct replay_stream *f, const struct remark *remark) {
     remark_to_wire(remark, f->header.start_ns,
                    &begin_item(f, arthron_Live_remark_tag)->message.remark);
+    say(f);
+}
+
+static void show_marker(struct replay_stream *f, const struct marker *marker) {
+    arthron_Marker *out = &begin_item(f, arthron_Live_marker_tag)->message.marker;
+    *out = wire_marker_from(marker);
+    out->time_ns -= f->header.start_ns;
     say(f);
 }
 
@@ -296,6 +305,11 @@ static bool on_remark(void *user, const struct remark *remark) {
     return true;
 }
 
+static bool on_marker(void *user, const struct marker *marker) {
+    show_marker(user, marker);
+    return true;
+}
+
 // Before each record: how far it has come. False once nobody looks any more.
 static bool on_record(void *user, const struct trace_record *record) {
     struct replay_stream *f = user;
@@ -321,7 +335,8 @@ static enum result show(struct replay_stream *f, const char *path) {
                                   .past = on_step,
                                   .gap = on_gap,
                                   .resume = on_resume,
-                                  .remark = on_remark};
+                                  .remark = on_remark,
+                                  .marker = on_marker};
     struct error why;
     say_session(f, path);
     snapshot_begin(&f->moments, 0, f->header.start_ns);

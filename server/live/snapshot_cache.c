@@ -115,6 +115,8 @@ static void fill_place(struct live_server *live, int station, double passed_s, a
         out->pause_s = (float)(out->info.connected && has_session ? pause_ns / 1e9 : 0);
     }
     out->strength = strength_of(config, &status);
+    out->optic_deg = (float)config->stations[station].optic.tilt_deg;
+    out->optic_view_deg = (float)config->stations[station].optic.field_deg;
     warning_of_place(out, config->calibration_mm);
 }
 

@@ -103,6 +103,7 @@ struct viewer {
     uint64_t session;               // the last that the page was told of
     uint64_t remarks;               // revision of the remarks that the page has
     uint64_t remarked[REMARKS_MAX]; // revision of each of these
+    uint64_t markers;               // of the session that the page has
     bool resected[TISSUES_MAX];
     struct tissue_figures figures[TISSUES_MAX]; // the last that the page got
     int64_t metrics_ns;

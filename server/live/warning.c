@@ -63,8 +63,7 @@ static void warn_of_way(arthron_Place *place) {
         warn(place, URGENCY_LOOK, "its station's clock was stepped by %.1f s",
              (double)info->clock_step_ns / NS_PER_S);
     if (info->clock_uncertainty_us > UNCERTAIN_US)
-        warn(place, URGENCY_LOOK, "its clock is known to %.0f ms only",
-             info->clock_uncertainty_us / 1000);
+        warn(place, URGENCY_LOOK, "clock uncertain by %.0f ms", info->clock_uncertainty_us / 1000);
 }
 
 static void warn_of_slowed(arthron_Place *place) {
@@ -111,10 +110,11 @@ void warning_of_place(arthron_Place *place, double drift_mm) {
     if (place->refused[0])
         warn(place, URGENCY_NOW, "%s", place->refused);
     if (info->state != arthron_SessionState_CLOSED) {
+        if (info->connected)
+            warn_of_slowed(place); // before the little loss that comes of it
         warn_of_link(place);
         if (info->connected) {
             warn_of_devices(place);
-            warn_of_slowed(place);
             warn_of_way(place);
         }
         warn_of_trace(place);

@@ -16,6 +16,7 @@ static const char no_floor[] = "";
 static const char present_floor[] = "10 samples/s";
 static const char path_floor[] = "10 mm; 20 samples/s over 90 % of the time present";
 static const char economy_floor[] = "a path of 50 mm; 20 samples/s over 90 % of the time present";
+static const char force_floor[] = "1 s of measured force";
 static const char ldlj_floor[] =
     "600 mm/s3 of jerk at 100 samples/s, more at fewer; 20 samples/s over 90 % of the time present";
 
@@ -32,6 +33,13 @@ const struct metric_kind metric_kinds[METRIC_COUNT] = {
     [METRIC_CONTACT_TIME] = {"contact_time", "s", 1, true, "5 s"},
     [METRIC_DEPTH_TIME] = {"depth_time", "s", 1, false, no_floor},
     [METRIC_DEPTH_MAX] = {"depth_max", "mm", 1, false, "0.2 mm"},
+    [METRIC_FORCE_MEAN] = {"force_mean", "N", 1, false, force_floor},
+    [METRIC_FORCE_PEAK] = {"force_peak", "N", 1, false, no_floor},
+    [METRIC_FORCE_OK] = {"force_ok", "1", 1, false, no_floor},
+    [METRIC_FORCE_HELD] = {"force_held", "1", 1, false, no_floor},
+    [METRIC_FORCE_LOST] = {"force_lost", "1", 1, false, no_floor},
+    [METRIC_FORCE_FREE_MEAN] = {"force_free_mean", "N", 1, false, force_floor},
+    [METRIC_FORCE_FREE_PEAK] = {"force_free_peak", "N", 1, false, no_floor},
     [METRIC_OUT_OF_VIEW] = {"out_of_view", "s", 1, true, "1 s; 10 samples/s"},
     [METRIC_OUT_OF_VIEW_SHARE] = {"out_of_view_share", "1", 1, true, "0.05"},
     [METRIC_TRIANGULATIONS] = {"triangulations", "count", 1, false, no_floor},
@@ -42,6 +50,8 @@ const struct metric_kind metric_kinds[METRIC_COUNT] = {
     [METRIC_NOTICED_TILT] = {"noticed_tilt", "1", 2, true, "0.05"},
     [METRIC_NOTICED_GAIN] = {"noticed_gain", "1", 2, true, "0.05"},
     [METRIC_NOTICED_ANY] = {"noticed_any", "1", 2, true, "0.05"},
+    [METRIC_BONE_FORCE_PEAK] = {"bone_force_peak", "N", 1, false, no_floor},
+    [METRIC_BONE_FORCE_OK] = {"bone_force_ok", "1", 1, false, no_floor},
     [METRIC_CUTS] = {"cuts", "count", 1, false, no_floor},
     [METRIC_CUTS_REFUSED] = {"cuts_refused", "count", 1, false, no_floor},
     [METRIC_CUTS_UNDONE] = {"cuts_undone", "count", 1, false, no_floor},
@@ -60,6 +70,7 @@ struct metric_list {
     void (*each)(void *, const struct metric_value *);
     void *context;
     const struct metrics *m;
+    const struct knee_case *knee;
     struct metric_value about; // whom the next figures are about
 };
 
@@ -123,6 +134,29 @@ static void tell_touch(struct metric_list *t, const struct touch *touch) {
     t->about.group = -1;
 }
 
+static void tell_forces(struct metric_list *t, enum metric mean, enum metric peak,
+                        const struct force_figures *f) {
+    tell(t, mean, force_mean_n(f), seconds(f->in_ns[VALIDITY_OK]) >= TIME_LEAST_S);
+    tell(t, peak, force_peak_n(f), true);
+}
+
+static void tell_force(struct metric_list *t, const struct instrument_metrics *one) {
+    if (!one->gauge.known)
+        return;
+    for (int g = 0; g < CASE_GROUPS_MAX; g++) {
+        const struct force_figures *f = &one->pressed[g];
+        t->about.group = g;
+        if (!force_time_ns(f))
+            continue;
+        tell_forces(t, METRIC_FORCE_MEAN, METRIC_FORCE_PEAK, f);
+        for (int i = 0; i < VALIDITY_COUNT; i++)
+            tell(t, METRIC_FORCE_OK + (enum metric)i, share_of(f->in_ns[i], force_time_ns(f)),
+                 true);
+    }
+    t->about.group = -1;
+    tell_forces(t, METRIC_FORCE_FREE_MEAN, METRIC_FORCE_FREE_PEAK, &one->free);
+}
+
 static void tell_share(struct metric_list *t, enum metric metric, int64_t part_ns, int64_t all_ns) {
     double share = share_of(part_ns, all_ns);
     tell(t, metric, share, share >= SHARE_LEAST && seconds(all_ns) >= TIME_LEAST_S);
@@ -146,9 +180,20 @@ static void tell_instrument(struct metric_list *t, const struct instrument_metri
     tell_travel(t, one, false);
     tell_travel(t, one, true);
     tell_touch(t, &one->touch);
+    tell_force(t, one);
     tell_view(t, one);
     for (int i = 0; i < NOTICED_COUNT; i++)
         tell_share(t, METRIC_NOTICED_TURN + (enum metric)i, one->noticed_ns[i], one->judged_ns);
+}
+
+// ---- one bone -----------------------------------------------------------------------------------
+
+static void tell_bone(struct metric_list *t, const struct bone_metrics *bone) {
+    if (!bone->gauge.known)
+        return;
+    const struct force_figures *f = &bone->pressed;
+    tell(t, METRIC_BONE_FORCE_PEAK, force_peak_n(f), true);
+    tell(t, METRIC_BONE_FORCE_OK, share_of(f->in_ns[VALIDITY_OK], force_time_ns(f)), true);
 }
 
 // ---- one tissue ---------------------------------------------------------------------------------
@@ -164,6 +209,13 @@ static void tell_zones(struct metric_list *t, const struct quality_report *q) {
     t->about.along = t->about.across = -1;
 }
 
+bool metrics_has_zones(const struct knee_case *knee, int tissue) {
+    for (int i = 0, at = 0; knee && i < knee->group_count; i++)
+        if (knee->groups[i].cuttable && at++ == tissue)
+            return knee->groups[i].tissue.has_zones;
+    return true;
+}
+
 static void tell_tissue(struct metric_list *t, const struct tissue_figures *f, uint32_t undone) {
     const struct quality_report *q = &f->quality;
     tell(t, METRIC_CUTS, f->cuts, true);
@@ -174,6 +226,8 @@ static void tell_tissue(struct metric_list *t, const struct tissue_figures *f, u
     tell(t, METRIC_OVER, q->over_mm3, true);
     tell(t, METRIC_UNDER, q->under_mm3, true);
     tell(t, METRIC_DAMAGE_LEFT, q->damage_mm3, true);
+    if (!metrics_has_zones(t->knee, t->about.tissue))
+        return;
     tell(t, METRIC_RIM, q->rim_mm, true);
     tell(t, METRIC_RIM_STEP, q->step_mm, true);
     tell_zones(t, q);
@@ -187,19 +241,23 @@ static void tell_hands(struct metric_list *t) {
     tell(t, METRIC_BIMANUAL, share, followed && share >= SHARE_LEAST);
 }
 
-void metrics_each(const struct metrics *m, void (*each)(void *, const struct metric_value *),
-                  void *context) {
+void metrics_each(const struct metrics *m, const struct knee_case *knee,
+                  void (*each)(void *, const struct metric_value *), void *context) {
     struct metric_value nobody = {METRIC_TIME, -1, -1, -1, -1, -1, -1, NULL, NAN, false};
-    struct metric_list t = {each, context, m, nobody};
+    struct metric_list t = {each, context, m, knee, nobody};
     tell(&t, METRIC_TIME, seconds(m->running_ns), true);
     tell_hands(&t);
     for (int i = 0; i < m->tools.count; i++) {
         t.about.instrument = i;
-        t.about.tool = m->tools.of[i].name;
+        t.about.owner = m->tools.of[i].name;
         tell_instrument(&t, &m->instruments[i]);
     }
     t.about.instrument = -1;
-    t.about.tool = NULL;
+    for (int i = 0; i < BODY_COUNT; i++) {
+        t.about.owner = channel_name(CHANNEL_FEMUR + (enum channel)i);
+        tell_bone(&t, &m->bones[i]);
+    }
+    t.about.owner = NULL;
     for (int i = 0; i < TISSUES_MAX; i++) {
         t.about.tissue = i;
         if (m->resected[i])

@@ -41,6 +41,8 @@ static void pass_instrument(struct instrument_metrics *one, const struct standin
         return;
     one->present_ns += passed_ns;
     touch_pass(&one->touch, s->nearest, s->penetration_mm, passed_ns);
+    force_pass(one->touch.touching ? &one->pressed[s->nearest] : &one->free, &one->gauge,
+               passed_ns);
     if (s->judged)
         pass_warp(one, s, passed_ns);
     if (!s->beside_scope)
@@ -59,6 +61,8 @@ static void pass(struct metrics *m, int64_t time_ns) {
         passed_ns = METRICS_STEP_MAX_NS;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         pass_instrument(&m->instruments[i], &m->standing[i], passed_ns);
+    for (int i = 0; i < BODY_COUNT; i++)
+        force_pass(&m->bones[i].pressed, &m->bones[i].gauge, passed_ns);
 }
 
 // The optic through which the trainee looks: the first that is there; -1: none.
@@ -91,6 +95,27 @@ static void stand(const struct metrics *m, const struct session_output *output, 
     out->in_view =
         out->beside_scope && view_shows(&m->optic, output->instruments[scope].T_mockup_warped,
                                         o->T_mockup_warped.translation);
+}
+
+// ---- forces -------------------------------------------------------------------------------------
+
+static const struct sample *force_of(const struct session_input *input, enum channel channel) {
+    if (input->kind != INPUT_FRAME)
+        return NULL;
+    for (int i = input->frame.count - 1; i >= 0; i--) {
+        const struct sample *s = &input->frame.samples[i];
+        if (s->kind == SAMPLE_FORCE && s->channel == channel)
+            return s;
+    }
+    return NULL;
+}
+
+static void follow_forces(struct metrics *m, const struct session_input *input, int64_t time_ns) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        gauge_step(&m->instruments[i].gauge,
+                   force_of(input, CHANNEL_FIRST_INSTRUMENT + (enum channel)i), time_ns);
+    for (int i = 0; i < BODY_COUNT; i++)
+        gauge_step(&m->bones[i].gauge, force_of(input, CHANNEL_FEMUR + (enum channel)i), time_ns);
 }
 
 // ---- motion -------------------------------------------------------------------------------------
@@ -165,6 +190,7 @@ void metrics_step(struct metrics *m, const struct session_input *input,
     pass(m, output->time_ns);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         step_instrument(m, i, input, output);
+    follow_forces(m, input, output->time_ns);
     if (output->landed.job) {
         m->tissues[output->landed.tissue] = output->landed.figures;
         m->resected[output->landed.tissue] = true;

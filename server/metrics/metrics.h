@@ -5,6 +5,7 @@
 // allocates, fails or reads a clock.
 #pragma once
 
+#include "metrics/force.h"
 #include "metrics/hands.h"
 #include "metrics/touch.h"
 #include "metrics/travel.h"
@@ -33,6 +34,15 @@ struct instrument_metrics {
     int64_t beside_scope_ns; // present together with the scope
     int64_t out_of_view_ns;  // of these, out of the scope's view
     struct search search;
+    struct gauge gauge;
+    struct force_figures pressed[CASE_GROUPS_MAX]; // while it touched that group
+    struct force_figures free;                     // while it touched nothing
+};
+
+// A bone with a gauge.
+struct bone_metrics {
+    struct gauge gauge;
+    struct force_figures pressed;
 };
 
 struct metrics {
@@ -48,6 +58,7 @@ struct metrics {
         double penetration_mm;
     } standing[INSTRUMENT_COUNT];
     struct instrument_metrics instruments[INSTRUMENT_COUNT];
+    struct bone_metrics bones[BODY_COUNT];
     struct hands hands;
     bool resected[TISSUES_MAX]; // a job has landed
     struct tissue_figures tissues[TISSUES_MAX];
@@ -80,6 +91,13 @@ enum metric {
     METRIC_CONTACT_TIME,
     METRIC_DEPTH_TIME,
     METRIC_DEPTH_MAX,
+    METRIC_FORCE_MEAN,
+    METRIC_FORCE_PEAK,
+    METRIC_FORCE_OK,
+    METRIC_FORCE_HELD,
+    METRIC_FORCE_LOST,
+    METRIC_FORCE_FREE_MEAN,
+    METRIC_FORCE_FREE_PEAK,
     METRIC_OUT_OF_VIEW,
     METRIC_OUT_OF_VIEW_SHARE,
     METRIC_TRIANGULATIONS,
@@ -90,6 +108,8 @@ enum metric {
     METRIC_NOTICED_TILT,
     METRIC_NOTICED_GAIN,
     METRIC_NOTICED_ANY,
+    METRIC_BONE_FORCE_PEAK,
+    METRIC_BONE_FORCE_OK,
     METRIC_CUTS,
     METRIC_CUTS_REFUSED,
     METRIC_CUTS_UNDONE,
@@ -118,12 +138,17 @@ extern const struct metric_kind metric_kinds[METRIC_COUNT];
 struct metric_value {
     enum metric metric;
     int instrument, group, depth, tissue, along, across;
-    const char *tool; // the instrument's name; valid as long as the metrics
-    double value;     // NaN: not defined in this session
+    const char *owner; // name of the instrument, or of the bone where `instrument` is -1; or NULL.
+                       // Valid as long as the metrics
+    double value;      // NaN: not defined in this session
     bool below_floor;
 };
 
+// Whether a tissue is a C: of another one rim and zones mean nothing. knee: as below.
+bool metrics_has_zones(const struct knee_case *knee, int tissue);
+
 // Calls `each` for every figure of the instruments, groups and tissues of this session, in the
-// order of enum metric.
-void metrics_each(const struct metrics *metrics,
+// order of enum metric. knee: the session's case; NULL where it is not known, and then each tissue
+// has a rim and zones.
+void metrics_each(const struct metrics *metrics, const struct knee_case *knee,
                   void (*each)(void *context, const struct metric_value *value), void *context);

@@ -3,8 +3,7 @@
 #include <string.h>
 
 bool view_shows(const struct view_optic *optic, pose scope, vec3 tip) {
-    double tilt = optic->tilt_deg * RAD_PER_DEG;
-    vec3 axis = quat_rotate(scope.rotation, (vec3){0, sin(tilt), cos(tilt)});
+    vec3 axis = optic_axis(optic, scope);
     vec3 way = vec3_sub(tip, scope.translation);
     double distance = vec3_length(way);
     return distance <= VIEW_REACH_MM &&

@@ -30,7 +30,8 @@ struct control_handler {
     // A frame that came over the control connection. The caller owns the message.
     void (*on_frame)(void *user, struct control_peer peer, const arthron_Frame *message,
                      int64_t received_ns);
-    // Any other known message of a station: its answer to UdpPath, MeshAsk, mesh_ack.
+    // Any other known message of a station: its answer to UdpPath, MeshAsk, mesh_ack,
+    // Marker.
     void (*on_message)(void *user, struct control_peer peer, const arthron_Control *message);
     void (*on_gone)(void *user, struct control_peer peer);
     // The station asks for meshes too often, or sends too many messages: it has to wait. NULL: it

@@ -26,6 +26,7 @@ struct peer {
     struct lws *wsi;
     struct identity identity;
     bool meshes;  // named that capability
+    bool markers; // too
     bool enrols;  // speaks the subprotocol of enrolment
     bool applies; // and waits for the registrar's answer
     bool visit;   // its Hello only asks

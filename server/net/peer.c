@@ -17,7 +17,8 @@
 #define ASKS_PER_S 2 // for meshes
 #define ASKS_BURST 32
 
-static const char *const capabilities[] = {"datagrams", "meshes", "path", "instruments"};
+static const char *const capabilities[] = {"datagrams",   "meshes", "path",
+                                           "instruments", "force",  "markers"};
 
 static void cancel_application(struct peer *peer) {
     if (peer->applies && peer->control->registrar) // none: the server has stopped
@@ -132,6 +133,7 @@ static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_
     }
     registrar_used(peer->control->registrar, &peer->identity);
     peer->meshes = has_capability(hello, "meshes");
+    peer->markers = has_capability(hello, "markers");
     if (!control_take_slot(peer)) {
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "%d stations are connected already",
                     CONTROL_PEERS_MAX);
@@ -292,6 +294,13 @@ static void handle_mesh(struct peer *peer, const arthron_Control *message, int64
         pass_on(peer, message);
 }
 
+static void handle_marker(struct peer *peer, const arthron_Control *message) {
+    if (peer->markers)
+        pass_on(peer, message);
+    else
+        peer_malformed(peer, "this message needs the capability markers");
+}
+
 static void handle_message(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
     struct control_handler *handler = &peer->control->handler;
     switch (message->which_message) {
@@ -310,6 +319,9 @@ static void handle_message(struct peer *peer, const arthron_Control *message, in
     case arthron_Control_mesh_ask_tag:
     case arthron_Control_mesh_ack_tag:
         handle_mesh(peer, message, now_ns);
+        break;
+    case arthron_Control_marker_tag:
+        handle_marker(peer, message);
         break;
     default:
         peer_malformed(peer, "a station may not send this message now");

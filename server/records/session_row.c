@@ -178,7 +178,7 @@ enum result session_score_trace(const char *trace, const char *authority, scene_
     int64_t closed_utc_ns;
     result = read_steps(reader, metrics, &out->session, &closed_utc_ns, err);
     if (result == RESULT_OK && is_signed(reader, authority, closed_utc_ns, &out->session))
-        metrics_each(metrics, take_value, &builder);
+        metrics_each(metrics, builder.knee, take_value, &builder);
     free(metrics);
     trace_reader_destroy(&reader);
     if (result == RESULT_OK)

@@ -36,23 +36,22 @@ bool viewpoint_from_name(const char *name, enum viewpoint *out_view) {
     return false;
 }
 
-static bool begins(const char *name, const char *with) {
-    return strncmp(name, with, strlen(with)) == 0;
-}
-
 void anatomy_choose(const struct knee_case *knee, enum viewpoint view,
                     bool out_shown[CASE_GROUPS_MAX]) {
     for (int i = 0; i < knee->group_count; i++) {
-        const char *name = knee->groups[i].name;
-        bool plateau = begins(name, "tibia") || begins(name, "meniscus");
-        out_shown[i] = view == VIEWPOINT_TOP ? plateau : !begins(name, "skin");
+        const struct case_group *group = &knee->groups[i];
+        bool plateau = group->body == BODY_TIBIA && !group->bridges &&
+                       (case_group_is_bone(group) || group->tissue.kind == TISSUE_CARTILAGE ||
+                        group->tissue.kind == TISSUE_MENISCUS || group->cuttable);
+        out_shown[i] = view == VIEWPOINT_TOP ? plateau : !case_group_is_skin(group);
     }
 }
 
 // ---- colours ----
 
+// A part of a bone may be its cartilage.
 static bool is_cartilage(const struct case_group *group, uint32_t triangle) {
-    for (int i = 0; i < group->part_count; i++) {
+    for (int i = 0; group->tissue.kind == TISSUE_BONE && i < group->part_count; i++) {
         const struct case_part *part = &group->parts[i];
         if (triangle - part->first_triangle < part->triangle_count)
             return strstr(part->name, "cartilage") != NULL;
@@ -61,16 +60,11 @@ static bool is_cartilage(const struct case_group *group, uint32_t triangle) {
 }
 
 static struct colour colour_of(const struct case_group *group, uint32_t triangle) {
-    if (begins(group->name, "meniscus"))
-        return (struct colour){0.66, 0.77, 0.84};
-    if (begins(group->name, "skin"))
-        return (struct colour){0.87, 0.66, 0.55};
-    if (is_cartilage(group, triangle))
-        return (struct colour){0.85, 0.90, 0.91};
-    if (begins(group->name, "femur") || begins(group->name, "tibia") ||
-        begins(group->name, "patella"))
-        return (struct colour){0.94, 0.89, 0.77};
-    return (struct colour){0.86, 0.70, 0.64};
+    double rgb[3];
+    tissue_rgb(is_cartilage(group, triangle) ? tissue_colour(TISSUE_CARTILAGE)
+                                             : group->tissue.colour,
+               rgb);
+    return (struct colour){rgb[0], rgb[1], rgb[2]};
 }
 
 static bool is_inside(const struct case_region *region, vec3 p) {
@@ -107,7 +101,7 @@ static void shown_add(struct shown_groups *shown, const struct case_group *group
         .mesh = mesh,
         .T_world_mesh = T_femur_body,
         .crease_deg = CREASE_DEG,
-        .opacity = begins(group->name, "skin") ? 0.25 : 1,
+        .opacity = case_group_is_skin(group) ? 0.25 : 1,
         .paint = paint,
         .paint_context = group,
     };

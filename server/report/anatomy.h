@@ -1,6 +1,6 @@
-// Pictures of a case as a surgeon knows it: bones ivory, menisci bluish, ligaments reddish, and
-// bluish white what a part calls cartilage. What is shown is the patient (S'). On the menisci the
-// tear is dark red, damage orange, and the planned resection yellow.
+// Pictures of a case in the colours of its tissues (case/tissue.h), and cartilage what a part of a
+// bone calls so. What is shown is the patient (S'). The tear is dark red, damage orange, and the
+// planned resection yellow.
 #pragma once
 
 #include "case/case.h"
@@ -24,7 +24,7 @@ struct anatomy_view {
     bool shown[CASE_GROUPS_MAX]; // by the index of the group
 };
 
-// All but the skin; from the top tibia and menisci.
+// All but the skin; from the top the tibia, its cartilage, and what can be cut of it.
 void anatomy_choose(const struct knee_case *knee, enum viewpoint view,
                     bool out_shown[CASE_GROUPS_MAX]);
 

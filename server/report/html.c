@@ -16,6 +16,7 @@ static const char style[] =
     "th, td { padding: 0.3em 1em 0.3em 0; border-bottom: 1px solid #ddd; text-align: left;"
     " vertical-align: top; }\n"
     "td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }\n"
+    "th.n { white-space: normal; }\n"
     "@media (prefers-color-scheme: dark) {\n"
     " body { color: #ddd; background: #16181b; }\n"
     " figcaption { color: #bbb; }\n"

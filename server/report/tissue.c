@@ -1,10 +1,12 @@
 #include "report/tissue.h"
 
+#include "case/tissue.h"
+
 #define CREASE_DEG 35
 #define LINE_SHARE 0.0013 // a line's radius, of the picture's height
 
 static const struct colour background = {1, 1, 1};
-static const struct colour original = {0.66, 0.77, 0.84}, cut = {0.93, 0.60, 0.50};
+static const struct colour cut = {0.93, 0.60, 0.50};
 static const struct colour displaced = {0.47, 0.10, 0.62};
 
 static struct colour colour_between(struct colour a, struct colour b, double share) {
@@ -21,7 +23,9 @@ static struct colour paint(const void *context, const struct render_spot *spot) 
         uint32_t vertex = look->mesh->triangles[3 * (size_t)spot->triangle + i];
         share += spot->weights[i] * look->blends[vertex];
     }
-    return colour_between(original, displaced, share);
+    double rgb[3];
+    tissue_rgb(look->colour, rgb);
+    return colour_between((struct colour){rgb[0], rgb[1], rgb[2]}, displaced, share);
 }
 
 enum result tissue_picture(const struct tissue_look *look, const struct camera *camera, int width,

@@ -1,5 +1,4 @@
-// Pictures of a meniscus that is being resected. Original surface bluish, cut surfaces salmon,
-// displacements purple lines.
+// Pictures of tissue that is being resected. Cut surfaces are salmon, displacements purple lines.
 #pragma once
 
 #include "report/render.h"
@@ -7,6 +6,7 @@
 
 struct tissue_look {
     const struct mesh *mesh;
+    uint32_t colour;         // of the original surface, 0xRRGGBB
     const uint32_t *labels;  // of each triangle, 0: original surface; NULL: all is
     const double *blends;    // of each vertex, 0 to 1, shaded towards purple; or NULL
     const struct rod *lines; // displacements

@@ -20,6 +20,8 @@ static void lines_init(struct report_lines *lines) {
         lines->tips[i].joined = false;
         for (int k = 0; k < TIP_LINE_COUNT; k++)
             thin_init(&lines->tips[i].lines[k]);
+        lines->forces[i].joined = lines->forces[i].any = false;
+        thin_init(&lines->forces[i].line);
     }
     for (int i = 0; i < TISSUES_MAX; i++) {
         lines->tissues[i].landed = false;
@@ -49,6 +51,21 @@ static void break_tip(struct tip_lines *tip, double order) {
     for (int i = 0; tip->joined && i < TIP_LINE_COUNT; i++)
         thin_break(&tip->lines[i], order);
     tip->joined = false;
+}
+
+static void break_force(struct force_lines *force, double order) {
+    if (force->joined)
+        thin_break(&force->line, order);
+    force->joined = false;
+}
+
+static void add_force(struct force_lines *force, struct moment at, const struct gauge *gauge) {
+    if (!gauge->known || gauge->validity != VALIDITY_OK) {
+        break_force(force, at.order);
+        return;
+    }
+    thin_add(&force->line, at.order, at.s, gauge->force_n);
+    force->joined = force->any = true;
 }
 
 static void break_joint(struct report_lines *lines, double order) {
@@ -113,6 +130,8 @@ static bool on_step(void *user, const struct trace_record *record) {
     r->at.order = r->at.s / r->all_s;
     metrics_step(r->metrics, &record->input, &record->output);
     add_step(r->lines, r->at, &record->output);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        add_force(&r->lines->forces[i], r->at, &r->metrics->instruments[i].gauge);
     return true;
 }
 
@@ -122,8 +141,10 @@ static bool on_resume(void *user, int64_t utc_ns) {
     (void)utc_ns;
     metrics_interrupt(r->metrics);
     break_joint(r->lines, r->at.order + A_LITTLE);
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
         break_tip(&r->lines->tips[i], r->at.order + A_LITTLE);
+        break_force(&r->lines->forces[i], r->at.order + A_LITTLE);
+    }
     return true;
 }
 

@@ -28,6 +28,11 @@ struct report_lines {
         bool joined; // present at the step before
         struct thin lines[TIP_LINE_COUNT];
     } tips[INSTRUMENT_COUNT];
+    // Over seconds, newtons as measured: a line breaks where nothing was measured.
+    struct force_lines {
+        bool joined, any;
+        struct thin line;
+    } forces[INSTRUMENT_COUNT];
     bool joint_joined;
     struct thin flexion, varus;
     struct tissue_lines {

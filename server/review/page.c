@@ -7,8 +7,10 @@
 #include "report/strip.h"
 #include "review/cohort.h"
 #include "review/plots.h"
+#include "review/words.h"
 #include "step/settings.h"
 
+#include <ctype.h>
 #include <inttypes.h>
 #include <jansson.h>
 #include <math.h>
@@ -16,6 +18,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+
+#define MARKERS_MOST 100 // that are listed
 
 struct review_page {
     FILE *file;
@@ -58,39 +62,68 @@ __attribute__((format(printf, 3, 4))) static void write_fact(FILE *file, const c
 
 static void write_origin(const struct review_page *page) {
     const struct trace_header *h = page->header;
-    char id[33], start[32];
+    char start[32];
     time_t seconds = (time_t)(h->start_utc_ns / NS_PER_S);
     struct tm utc;
-    for (size_t i = 0; i < sizeof h->session_id; i++)
-        snprintf(id + 2 * i, 3, "%02x", h->session_id[i]);
     strftime(start, sizeof start, "%Y-%m-%d %H:%M:%S UTC", gmtime_r(&seconds, &utc));
-    write_row(page->file, "session", id);
-    write_row(page->file, "station", shown(h->station));
-    write_row(page->file, "trainee", shown(h->trainee));
-    write_row(page->file, "case", shown(h->case_name));
-    write_row(page->file, "start", start);
+    fputs("<table>\n", page->file);
+    write_row(page->file, "Trainee", shown(h->trainee));
+    write_row(page->file, "Case", shown(h->case_name));
+    write_row(page->file, "Station", shown(h->station));
+    write_row(page->file, "Start", start);
+    write_fact(page->file, "Length", "%.2f s", survey_seconds(&page->survey));
+    fputs("</table>\n", page->file);
+    if (page->survey.end != RESULT_CLOSED)
+        fputs("<p>The record is not whole: this page ends where it does.</p>\n", page->file);
 }
 
-static void write_summary(const struct review_page *page) {
+// Where the page's figures come from.
+static void write_record(const struct review_page *page) {
     const struct survey *s = &page->survey;
-    const struct session_settings *settings = &page->header->settings;
-    fputs("<h2>Summary</h2>\n<table>\n", page->file);
-    write_origin(page);
-    write_fact(page->file, "length", "%.2f s", survey_seconds(s));
-    write_row(page->file, "state", session_state_name(s->state));
-    write_fact(page->file, "steps", "%" PRIu64 ", %" PRIu64 " missing", s->steps, s->missing);
+    const struct trace_header *h = page->header;
+    const struct session_settings *settings = &h->settings;
+    char id[33];
+    for (size_t i = 0; i < sizeof h->session_id; i++)
+        snprintf(id + 2 * i, 3, "%02x", h->session_id[i]);
+    fputs("<h2>Record</h2>\n<table>\n", page->file);
+    write_row(page->file, "Session", id);
+    write_row(page->file, "State", session_state_name(s->state));
+    write_fact(page->file, "Steps", "%" PRIu64 ", %" PRIu64 " missing", s->steps, s->missing);
     if (s->resumes)
-        write_fact(page->file, "resumed", "%" PRIu64 " times after its server was killed",
+        write_fact(page->file, "Resumed", "%" PRIu64 " times after its server was killed",
                    s->resumes);
-    write_fact(page->file, "warp", "%s, strength %g, ligaments %s, instruments %s",
+    write_fact(page->file, "Warp", "%s, strength %g, ligaments %s, instruments %s",
                field_name(settings->field.kind), settings->field.strength,
                adaptive_name(settings->adaptive), avatar_mode_name(settings->avatar));
-    write_row(page->file, "record",
-              s->end == RESULT_CLOSED ? "whole" : "not whole: this page ends where it does");
+    write_row(page->file, "Record", s->end == RESULT_CLOSED ? "whole" : "not whole");
     if (s->end != RESULT_CLOSED)
-        write_row(page->file, "why", shown(error_without_folder(s->why.text)));
-    write_row(page->file, "signature", shown(page->seal));
+        write_row(page->file, "Why", shown(error_without_folder(s->why.text)));
+    write_row(page->file, "Signature", shown(page->seal));
     fputs("</table>\n", page->file);
+}
+
+// ---- markers ------------------------------------------------------------------------------------
+
+static void write_marker(const struct review_page *page, const struct marker *marker) {
+    double seconds = (double)(marker->time_ns - page->header->start_ns) / (double)NS_PER_S;
+    fprintf(page->file, "<tr><td>%.3f s</td><td>%s</td><td>", seconds, marker->name);
+    html_text(page->file, shown(marker->device));
+    fprintf(page->file, "</td><td>%.6g</td></tr>\n", marker->value);
+}
+
+static void write_markers(const struct review_page *page) {
+    const struct survey *s = &page->survey;
+    uint64_t most = s->marker_count < MARKERS_MOST ? s->marker_count : MARKERS_MOST;
+    if (!s->marker_count)
+        return;
+    fputs("<h2>Markers</h2>\n<table>\n<tr><th>time</th><th>marker</th><th>device</th>"
+          "<th>value</th></tr>\n",
+          page->file);
+    for (uint64_t i = 0; i < most; i++)
+        write_marker(page, &s->markers[i]);
+    fputs("</table>\n", page->file);
+    if (s->marker_count > most)
+        fprintf(page->file, "<p>%" PRIu64 " more are in the trace.</p>\n", s->marker_count - most);
 }
 
 // ---- sections -----------------------------------------------------------------------------------
@@ -105,6 +138,8 @@ static void write_instruments(const struct review_page *page) {
         fprintf(page->file, "<h3>%s</h3>\n<div class=\"row\">\n",
                 page->header->settings.instruments.of[i].name);
         report_plot_tip(page->file, &page->lines.tips[i]);
+        if (page->lines.forces[i].any)
+            report_plot_force(page->file, &page->lines.forces[i]);
         fputs("</div>\n", page->file);
     }
 }
@@ -131,14 +166,44 @@ static void write_value(FILE *file, double value) {
     fprintf(file, "<td class=\"n\">%.2f</td>", fabs(value) < 0.005 ? 0 : value); // never -0.00
 }
 
+static void write_outcome_of(const struct review_page *page, int tissue) {
+    const struct tissue_figures *f = &page->survey.tissues[tissue];
+    const struct quality_report *q = &f->quality;
+    char name[SUBJECT_LABEL_MAX];
+    subject_tissue_label(page->knee, tissue, name);
+    fputs("<p><strong>", page->file);
+    html_text(page->file, name);
+    fputs("</strong>: ", page->file);
+    if (q->planned_mm3 > 0)
+        fprintf(page->file, "%.1f of %.1f mm³ planned removed, %.1f mm³ too much.",
+                fmax(0, q->planned_mm3 - q->under_mm3), q->planned_mm3, q->over_mm3);
+    else
+        fprintf(page->file, "%.1f mm³ removed.", q->removed_mm3 + f->pieces_mm3);
+    if (metrics_has_zones(page->knee, tissue))
+        fprintf(page->file, " Thinnest remaining rim %.1f mm.", q->rim_mm);
+    fprintf(page->file, " %" PRIu32 " %s.</p>\n", f->cuts, f->cuts == 1 ? "cut" : "cuts");
+}
+
+static void write_outcome(const struct review_page *page) {
+    bool any = false;
+    fputs("<h2>Outcome</h2>\n", page->file);
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        if (is_resected(page, i))
+            write_outcome_of(page, i);
+        any = any || is_resected(page, i);
+    }
+    if (!any)
+        fputs("<p>Nothing was cut.</p>\n", page->file);
+}
+
 static void write_resection_row(const struct review_page *page, int tissue) {
     const struct tissue_figures *f = &page->survey.tissues[tissue];
     const double figures[] = {
         f->volume_mm3,       f->quality.removed_mm3, f->pieces_mm3, f->quality.planned_mm3,
-        f->quality.over_mm3, f->quality.under_mm3,   f->left_mm3,   f->quality.rim_mm,
-        f->quality.step_mm};
-    char name[SUBJECT_MAX];
-    subject_tissue(page->knee, tissue, name);
+        f->quality.over_mm3, f->quality.under_mm3,   f->left_mm3};
+    const double of_zones[] = {f->quality.rim_mm, f->quality.step_mm};
+    char name[SUBJECT_LABEL_MAX];
+    subject_tissue_label(page->knee, tissue, name);
     fputs("<tr><td>", page->file);
     html_text(page->file, name);
     fprintf(page->file,
@@ -147,16 +212,21 @@ static void write_resection_row(const struct review_page *page, int tissue) {
             f->cuts, f->refused, f->pieces);
     for (size_t i = 0; i < sizeof figures / sizeof figures[0]; i++)
         write_value(page->file, figures[i]);
+    for (size_t i = 0; i < sizeof of_zones / sizeof of_zones[0]; i++)
+        if (metrics_has_zones(page->knee, tissue))
+            write_value(page->file, of_zones[i]);
+        else
+            fputs("<td class=\"n\">-</td>", page->file);
     fputs("</tr>\n", page->file);
 }
 
 static void write_tissue_plots(const struct review_page *page, int tissue) {
-    char title[SUBJECT_MAX + 32], name[SUBJECT_MAX];
+    char title[SUBJECT_LABEL_MAX + 32], name[SUBJECT_LABEL_MAX];
     const struct tissue_lines *lines = &page->lines.tissues[tissue];
-    subject_tissue(page->knee, tissue, name);
-    snprintf(title, sizeof title, "Volume of %s", name);
+    subject_tissue_label(page->knee, tissue, name);
+    snprintf(title, sizeof title, "%s: volume", name);
     report_plot_volume(page->file, title, lines);
-    snprintf(title, sizeof title, "Touch and sight of %s", name);
+    snprintf(title, sizeof title, "%s: touch and sight", name);
     if (tells_mismatch(page))
         report_plot_mismatch(page->file, title, lines);
 }
@@ -167,10 +237,10 @@ static void write_mismatch(const struct review_page *page) {
           page->file);
     for (int i = 0; i < TISSUES_MAX; i++) {
         const struct tissue_figures *f = &page->survey.tissues[i];
-        char name[SUBJECT_MAX];
+        char name[SUBJECT_LABEL_MAX];
         if (!is_resected(page, i))
             continue;
-        subject_tissue(page->knee, i, name);
+        subject_tissue_label(page->knee, i, name);
         fputs("<tr><td>", page->file);
         html_text(page->file, name);
         fputs("</td>", page->file);
@@ -182,18 +252,16 @@ static void write_mismatch(const struct review_page *page) {
 }
 
 static void write_resection(const struct review_page *page) {
-    static const char *const heads[] = {"cuts",        "refused",     "pieces",  "left, mm³",
-                                        "by blades",   "in pieces",   "planned", "over the plan",
-                                        "short of it", "not matched", "rim, mm", "step, mm"};
+    static const char *const heads[] = {
+        "cuts",      "refused", "pieces",           "left, mm³",      "by blades",
+        "in pieces", "planned", "removed too much", "left to remove", "feel not yet adapted",
+        "rim, mm",   "step, mm"};
     bool any = false;
     for (int i = 0; i < TISSUES_MAX; i++)
         any = any || is_resected(page, i);
-    fputs("<h2>Resection</h2>\n", page->file);
-    if (!any) {
-        fputs("<p>Nothing was cut.</p>\n", page->file);
+    if (!any)
         return;
-    }
-    fputs("<table>\n<tr><th>tissue</th>", page->file);
+    fputs("<h2>Resection</h2>\n<table>\n<tr><th>tissue</th>", page->file);
     for (size_t i = 0; i < sizeof heads / sizeof heads[0]; i++)
         fprintf(page->file, "<th class=\"n\">%s</th>", heads[i]);
     fputs("</tr>\n", page->file);
@@ -250,19 +318,37 @@ static void write_beside(const struct review_page *page, const struct metric_kin
         write_spread(page->file, values, spread->count, value);
 }
 
+// "probe Femur from 0.5 mm", "Medial meniscus posterior_horn.outer": as people write it.
+static void make_words(char *label) {
+    for (char *at = label; *at; at++)
+        if (*at == '_' || (*at == '.' && isalpha((unsigned char)at[1])))
+            *at = ' ';
+    if (isalpha((unsigned char)*label))
+        *label = (char)toupper((unsigned char)*label);
+}
+
+static const char *unit_words(const char *unit) {
+    if (strcmp(unit, "1") == 0 || strcmp(unit, "count") == 0)
+        return "";
+    return strcmp(unit, "mm3") == 0 ? "mm³" : unit;
+}
+
 static void write_figure(void *context, const struct metric_value *v) {
     const struct review_page *page = context;
     const struct metric_kind *kind = &metric_kinds[v->metric];
-    char about[SUBJECT_MAX], value[48] = "-";
+    char about[SUBJECT_MAX], label[SUBJECT_LABEL_MAX], value[48] = "-";
     if (v->depth >= 0 && v->value == 0)
         return; // nearly all are
     subject_text(page->knee, v, about);
+    subject_label(page->knee, v, label);
     if (isfinite(v->value))
         snprintf(value, sizeof value, v->below_floor ? "(%.4g)" : "%.4g", v->value);
-    fprintf(page->file,
-            "<tr><td>%s</td><td class=\"n\">%d</td><td class=\"n\">%s</td><td>%s</td><td>",
-            kind->name, kind->version, value, strcmp(kind->unit, "1") == 0 ? "" : kind->unit);
-    html_text(page->file, about);
+    fprintf(
+        page->file,
+        "<tr><td title=\"%s\">%s</td><td class=\"n\">%d</td><td class=\"n\">%s</td><td>%s</td><td>",
+        kind->name, review_metric_words(v->metric), kind->version, value, unit_words(kind->unit));
+    make_words(label);
+    html_text(page->file, label);
     fputs("</td>", page->file);
     if (page->beside)
         write_beside(page, kind, about, v->value);
@@ -292,7 +378,7 @@ static void write_figures(const struct review_page *page) {
     fprintf(
         page->file,
         "<h2>Figures</h2>\n<p>As of arthron-trace score, with an optic of %g degrees and a field "
-        "of %g. In brackets: so small that noise may have made a tenth of it.</p>\n",
+        "of %g. (&hellip;): too little data, noise may have made a tenth of it.</p>\n",
         page->metrics.optic.tilt_deg, page->metrics.optic.field_deg);
     if (page->beside)
         write_whose(page);
@@ -301,7 +387,7 @@ static void write_figures(const struct review_page *page) {
             "<th>unit</th><th>of</th>%s</tr>\n",
             page->beside ? "<th class=\"n\">n</th><th class=\"n\">quartiles</th><th>among them</th>"
                          : "");
-    metrics_each(&page->metrics, write_figure, (void *)page);
+    metrics_each(&page->metrics, page->knee, write_figure, (void *)page);
     fputs("</table>\n", page->file);
 }
 
@@ -345,11 +431,14 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
 
 static void write_page(struct review_page *page) {
     html_begin(page->file, "Session report");
-    write_summary(page);
-    write_instruments(page);
-    write_joint(page);
+    write_origin(page);
+    write_outcome(page);
     write_resection(page);
     write_figures(page);
+    write_instruments(page);
+    write_joint(page);
+    write_markers(page);
+    write_record(page);
     html_end(page->file);
 }
 

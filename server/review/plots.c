@@ -73,7 +73,7 @@ static void draw_path(FILE *file, const struct tip_lines *tip, enum tip_line han
 }
 
 static void draw_offset(FILE *file, const struct tip_lines *tip) {
-    struct drawing *d = drawing_create("Offset of the tip", "time, s", "mm");
+    struct drawing *d = drawing_create("Shown–real offset", "time, s", "mm");
     d->plot.width = d->plot.height = SQUARE_PX; // as the paths beside it
     draw_line(d, NULL, &tip->lines[TIP_OFFSET], PLOT_BLUE, PLOT_SOLID);
     d->plot.y.max = 1;
@@ -84,9 +84,9 @@ static void draw_offset(FILE *file, const struct tip_lines *tip) {
 static void draw_gain(FILE *file, const struct tip_lines *tip) {
     const struct plot_band bands[] = {{NULL, true, NOTICED_GAIN_MOST, INFINITY},
                                       {NULL, true, -INFINITY, NOTICED_GAIN_LEAST}};
-    struct drawing *d = drawing_create("Gain", "time, s", "mm seen a mm of hand");
+    struct drawing *d = drawing_create("Motion scale", "time, s", "mm seen a mm of hand");
     draw_line(d, "largest", &tip->lines[TIP_GAIN], PLOT_BLUE, PLOT_SOLID);
-    draw_line(d, "least", &tip->lines[TIP_GAIN_LEAST], PLOT_ORANGE, PLOT_DASHED);
+    draw_line(d, "smallest", &tip->lines[TIP_GAIN_LEAST], PLOT_ORANGE, PLOT_DASHED);
     d->plot.bands = bands;
     d->plot.band_count = 2;
     d->plot.y.min = 0.8;
@@ -121,6 +121,14 @@ void report_plot_tip(FILE *file, const struct tip_lines *tip) {
     draw_offset(file, tip);
     draw_gain(file, tip);
     draw_turn(file, tip);
+}
+
+void report_plot_force(FILE *file, const struct force_lines *force) {
+    struct drawing *d = drawing_create("Force", "time, s", "N");
+    draw_line(d, NULL, &force->line, PLOT_BLUE, PLOT_SOLID);
+    d->plot.y.max = 5;
+    range_of(d->y[0], d->lines[0].count, &d->plot.y.min, &d->plot.y.max);
+    drawing_finish(file, d, "As its gauge measured it; above 0 it presses.");
 }
 
 void report_plot_joint(FILE *file, const struct report_lines *lines) {

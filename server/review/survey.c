@@ -105,6 +105,14 @@ static bool on_remark(void *user, const struct remark *remark) {
     return true;
 }
 
+static bool on_marker(void *user, const struct marker *marker) {
+    struct survey *s = user;
+    if (s->marker_count < SURVEY_MARKERS_MAX)
+        s->markers[s->marker_count] = *marker;
+    s->marker_count++;
+    return true;
+}
+
 void survey_read(struct trace_reader *reader, survey_progress progress, struct survey *s) {
     struct trace_player player = {.user = s,
                                   .step = on_step,
@@ -113,6 +121,7 @@ void survey_read(struct trace_reader *reader, survey_progress progress, struct s
                                   .resume = on_resume,
                                   .fault = on_fault,
                                   .remark = on_remark,
+                                  .marker = on_marker,
                                   .progress = progress};
     memset(s, 0, sizeof *s);
     s->file_bytes = trace_reader_size(reader);

@@ -3,6 +3,8 @@
 
 #include "trace/trace.h"
 
+#define SURVEY_MARKERS_MAX 1024
+
 struct survey {
     uint64_t steps, gaps, missing; // step records, gap records, the steps those stand for
     uint64_t past, resumes;        // inputs alone; times that its server was started again
@@ -27,7 +29,9 @@ struct survey {
     double largest_mm;                  // displacement of any instrument
     uint32_t remark_count;              // the highest number
     struct remark remarks[REMARKS_MAX]; // by number - 1, as they were in the end; number 0: none
-    uint64_t whole_bytes;               // up to the end of the last whole record
+    uint64_t marker_count;              // of devices
+    struct marker markers[SURVEY_MARKERS_MAX]; // the first of them, as they came
+    uint64_t whole_bytes;                      // up to the end of the last whole record
     uint64_t file_bytes;
     enum result end;  // RESULT_CLOSED: the file is whole
     struct error why; // where it is not

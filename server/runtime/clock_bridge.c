@@ -12,6 +12,10 @@ static bool is_measured(const struct clock_bridge *b, int64_t measured_ns) {
     return llabs(measured_ns - b->offset_ns) > llabs(b->bridge_ns) / 2;
 }
 
+int64_t clock_bridge_now(const struct clock_bridge *b, int64_t measured_ns) {
+    return b->bridge_ns && !is_measured(b, measured_ns) ? measured_ns + b->bridge_ns : measured_ns;
+}
+
 int64_t clock_bridge_offset(struct clock_bridge *b, int64_t time_ns, int64_t received_ns,
                             int64_t measured_ns, int64_t *out_step_ns) {
     *out_step_ns = 0;

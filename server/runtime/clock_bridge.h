@@ -16,3 +16,6 @@ struct clock_bridge {
 // much the clock has just been stepped; 0: it was not.
 int64_t clock_bridge_offset(struct clock_bridge *bridge, int64_t time_ns, int64_t received_ns,
                             int64_t measured_ns, int64_t *out_step_ns);
+
+// The offset as the frames so far tell it.
+int64_t clock_bridge_now(const struct clock_bridge *bridge, int64_t measured_ns);

@@ -34,6 +34,24 @@ struct tcp_frame {
     struct frame frame;
 };
 
+// Time on the station's clock.
+struct station_marker {
+    uint64_t joins; // of the connection that it came over
+    struct marker marker;
+};
+
+// The markers of a station. The worker's alone.
+struct marking {
+    struct bucket rate;
+    bool holds; // `held` could not be taken yet
+    struct station_marker held;
+    uint64_t run, number; // the last one that was taken
+    uint64_t position;    // behind it in the session's trace
+    bool tells;           // `recorded` is still to be told
+    struct session_marker recorded;
+    bool owes; // its acknowledgement
+};
+
 struct station_runtime {
     int index;
     const struct runtime_station *config;
@@ -42,6 +60,8 @@ struct station_runtime {
     struct newest *connections;     // of struct station_connection, from the control thread
     struct station_connection told; // the control thread's
     struct ring *frames;            // of struct tcp_frame, from the control thread
+    struct ring *markers;           // of struct station_marker, from the control thread
+    struct ring *marked;            // of struct session_marker, for the owner of the sessions
 
     pthread_mutex_t shown_lock; // of the readers; the worker takes no part
     struct newest *snapshots;   // of struct step_snapshot, from the worker
@@ -63,6 +83,7 @@ struct station_runtime {
     struct frame_order order;
     struct late_frames late;
     struct clock_bridge bridge;
+    struct marking marking;
     struct fair_share share;
     int64_t slowed_told_ns[SLOWED_COUNT]; // when it was told; 0: never
     arthron_Reply reply;                  // to the newest frame

@@ -78,6 +78,34 @@ void reply_session(enum session_state state, const struct knee_case *knee,
     wire_knee_from(&frame, &out->knee);
 }
 
+_Static_assert((int)_arthron_CaseGroup_Kind_ARRAYSIZE == TISSUE_KIND_COUNT &&
+                   (int)arthron_CaseGroup_Kind_SKIN == TISSUE_SKIN &&
+                   (int)_arthron_CaseGroup_Side_ARRAYSIZE == TISSUE_SIDE_COUNT,
+               "kinds and sides on the wire are those of case/tissue.h");
+_Static_assert(sizeof((arthron_LiveSession *)0)->groups / sizeof(arthron_CaseGroup) ==
+                       CASE_GROUPS_MAX &&
+                   sizeof((arthron_CaseGroup *)0)->name == CASE_NAME_MAX &&
+                   sizeof((arthron_CaseGroup *)0)->label == TISSUE_LABEL_MAX,
+               "every group of a case fits");
+
+void reply_groups(const struct knee_case *knee, arthron_LiveSession *out) {
+    out->groups_count = (pb_size_t)knee->group_count;
+    for (int i = 0; i < knee->group_count; i++) {
+        const struct case_group *group = &knee->groups[i];
+        const struct case_tissue *tissue = &group->tissue;
+        out->groups[i] = (arthron_CaseGroup){
+            .kind = (arthron_CaseGroup_Kind)tissue->kind,
+            .colour = tissue->colour,
+            .own_colour = tissue->colour != tissue_colour(tissue->kind),
+            .side = (arthron_CaseGroup_Side)tissue->side,
+            .cuttable = group->cuttable,
+            .has_zones = tissue->has_zones,
+        };
+        memcpy(out->groups[i].name, group->name, CASE_NAME_MAX);
+        memcpy(out->groups[i].label, tissue->label, TISSUE_LABEL_MAX);
+    }
+}
+
 static void take_zones(const struct zone_volumes *zones, float out[9]) {
     for (int i = 0; i < ZONE_ALONG_COUNT; i++)
         for (int k = 0; k < ZONE_ACROSS_COUNT; k++)
@@ -139,7 +167,7 @@ void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
                    arthron_Metrics *out) {
     struct metrics_message message = {knee, out};
     out->metrics_count = 0;
-    metrics_each(metrics, take_metric, &message);
+    metrics_each(metrics, knee, take_metric, &message);
 }
 
 bool reply_refuse(arthron_CommandReply *reply, const char *format, ...) {

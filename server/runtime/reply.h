@@ -15,6 +15,9 @@ void reply_from_output(const struct session_output *output, const struct knee_ca
 void reply_session(enum session_state state, const struct knee_case *knee,
                    arthron_SessionChange *out_change);
 
+// What the case's groups are.
+void reply_groups(const struct knee_case *knee, arthron_LiveSession *out_session);
+
 // mesh_hash: of the mesh as stations follow it.
 void reply_resection(const struct tissue_figures *figures, const char *group, uint64_t mesh_hash,
                      arthron_Resection *out_resection);

@@ -19,6 +19,8 @@ static void open_station(struct runtime *r, int index) {
     station->state = SESSION_CLOSED;
     station->connections = newest_create(sizeof(struct station_connection));
     station->frames = ring_create(RUNTIME_FRAMES_MAX, sizeof(struct tcp_frame));
+    station->markers = ring_create(RUNTIME_MARKERS_MAX, sizeof(struct station_marker));
+    station->marked = ring_create(RUNTIME_MARKERS_MAX, sizeof(struct session_marker));
     station->snapshots = newest_create(sizeof(struct step_snapshot));
     station->metrics = newest_create(sizeof(struct live_metrics));
     pthread_mutex_init(&station->shown_lock, NULL);
@@ -28,6 +30,8 @@ static void open_station(struct runtime *r, int index) {
 static void close_station(struct station_runtime *station) {
     newest_destroy(&station->connections);
     ring_destroy(&station->frames);
+    ring_destroy(&station->markers);
+    ring_destroy(&station->marked);
     newest_destroy(&station->snapshots);
     newest_destroy(&station->metrics);
     pthread_mutex_destroy(&station->shown_lock);
@@ -143,6 +147,13 @@ void runtime_frame(struct runtime *r, int station, const struct frame *frame, in
         atomic_fetch_add_explicit(&s->counts.frames_excess, 1, memory_order_relaxed);
 }
 
+void runtime_marker(struct runtime *r, int station, const struct marker *marker) {
+    struct station_runtime *s = &r->stations[station];
+    struct station_marker next = {s->told.joins, *marker};
+    if (ring_push(s->markers, &next))
+        wake_fd(station_worker(r, station)->wake_fd);
+}
+
 void runtime_slowed(struct runtime *r, int station, enum slowed what) {
     atomic_store(&r->stations[station].counts.slowed_ns[what], clock_now_ns());
 }
@@ -193,6 +204,10 @@ bool runtime_next_notice(struct runtime *r, struct runtime_notice *out_notice) {
             return true;
     }
     return false;
+}
+
+bool runtime_next_marker(struct runtime *r, int station, struct session_marker *out_marker) {
+    return ring_pop(r->stations[station].marked, out_marker);
 }
 
 // ---- what it shows ------------------------------------------------------------------------------

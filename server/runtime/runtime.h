@@ -35,6 +35,10 @@ void runtime_confirm_path(struct runtime *runtime, int station, uint64_t challen
 #define RUNTIME_FRAMES_MAX 16
 void runtime_frame(struct runtime *runtime, int station, const struct frame *frame,
                    int64_t received_ns);
+// A marker, on the station's clock. The worker acknowledges it once it is on disk. One that finds
+// RUNTIME_MARKERS_MAX others waiting is dropped, so a station has fewer on their way.
+#define RUNTIME_MARKERS_MAX 64
+void runtime_marker(struct runtime *runtime, int station, const struct marker *marker);
 // A MeshAsk or mesh_ack.
 void runtime_mesh_message(struct runtime *runtime, int station, struct control_peer peer,
                           const arthron_Control *message);
@@ -55,6 +59,9 @@ bool runtime_mesh_request(struct runtime *runtime, const struct mesh_request *re
 
 // Only for the owner's thread. False: no notice is left.
 bool runtime_next_notice(struct runtime *runtime, struct runtime_notice *out_notice);
+// Only for the owner's thread: the next marker that was recorded, with the serial of its session.
+// The worker takes no more of the station's markers while RUNTIME_MARKERS_MAX wait here.
+bool runtime_next_marker(struct runtime *runtime, int station, struct session_marker *out_marker);
 
 // ---- its state and figures: any thread but a worker's ----
 

@@ -31,12 +31,21 @@ static double follow_speed(vec3 *velocity, const struct snapshot_instrument *bef
     return vec3_length(*velocity);
 }
 
+// A session that is closed places no instruments: those that it had then are not lost.
+static void stand_still(struct snapshot_instrument *out, enum session_state state) {
+    out->speed_mm_s = 0;
+    out->handle.buttons = 0;
+    if (state == SESSION_CLOSED)
+        return;
+    out->validity = VALIDITY_LOST;
+    out->warp_mm = 0;
+}
+
 static void take_instrument(struct snapshot_maker *m, int index, int64_t passed_ns,
                             const struct instrument_output *o) {
     struct snapshot_instrument *out = &m->now.instruments[index];
     if (!o->present) {
-        out->validity = VALIDITY_LOST;
-        out->speed_mm_s = out->warp_mm = 0;
+        stand_still(out, m->now.state);
         return;
     }
     double speed = follow_speed(&m->velocities[index], out, o->T_mockup_tip.translation, passed_ns);
@@ -71,6 +80,14 @@ void snapshot_step(struct snapshot_maker *m, const struct session_output *output
         now->events[i] += output->events >> i & 1;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         take_instrument(m, i, passed_ns, &output->instruments[i]);
+}
+
+void snapshot_forces(struct snapshot_maker *m, const struct metrics *metrics) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct gauge *gauge = &metrics->instruments[i].gauge;
+        m->now.instruments[i].has_force = gauge->known && gauge->validity != VALIDITY_LOST;
+        m->now.instruments[i].force_n = gauge->force_n;
+    }
 }
 
 // ---- on the wire --------------------------------------------------------------------------------
@@ -111,6 +128,8 @@ static arthron_InstrumentMoment instrument_to_wire(const struct snapshot_instrum
         .speed_mm_s = (float)m->speed_mm_s,
         .opening = (float)m->handle.opening,
         .buttons = m->handle.buttons,
+        .has_force_n = m->has_force,
+        .force_n = m->has_force ? (float)m->force_n : 0,
     };
 }
 

@@ -2,17 +2,21 @@
 // does a playback of a recorded session. Nothing here allocates or reads a clock.
 #pragma once
 
+#include "metrics/metrics.h"
 #include "step/session.h"
 #include "wire/wire.h"
 
 struct snapshot_instrument {
     bool seen;              // at this step or before; else all below is 0
-    enum validity validity; // lost: all but `warp_mm` as when it was last seen
+    enum validity validity; // lost: the poses as when it was last seen; a session that is closed:
+                            // all as before
     pose tip, warped;       // T_mockup_tip, as measured and as shown
     double nearest_mm;      // -1: none
     double penetration_mm, warp_mm, gain, gain_least;
     double speed_mm_s; // of the measured tip
     struct handle handle;
+    bool has_force; // it is known at this step
+    double force_n;
 };
 
 struct step_snapshot {
@@ -43,6 +47,9 @@ void snapshot_begin(struct snapshot_maker *maker, uint64_t session, int64_t star
 // time constant of 50 ms, so that a tracker's noise does not add up to speed:
 //     v += (dt / (50 ms + dt)) (dx/dt − v)
 void snapshot_step(struct snapshot_maker *maker, const struct session_output *output);
+
+// Puts the forces of this step into maker->now; metrics: behind this step.
+void snapshot_forces(struct snapshot_maker *maker, const struct metrics *metrics);
 
 void snapshot_to_wire(const struct step_snapshot *snapshot, uint32_t station,
                       arthron_Moment *out_message);

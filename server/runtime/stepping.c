@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "runtime/cut_worker.h"
 #include "runtime/frames.h"
+#include "runtime/markers.h"
 #include "runtime/reply.h"
 
 #include <math.h>
@@ -43,6 +44,7 @@ static void publish_snapshot(struct station_runtime *station, const struct sessi
     double warp_mm = 0;
     struct snapshot_maker *maker = &station->session->snapshots;
     snapshot_step(maker, output);
+    snapshot_forces(maker, &station->session->metrics.metrics);
     newest_put(station->snapshots, &maker->now);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         warp_mm = fmax(warp_mm, maker->now.instruments[i].warp_mm);
@@ -210,6 +212,7 @@ static void clear_counts(struct station_runtime *station) {
     memset(station->drift, 0, sizeof station->drift);
     atomic_store(&counts->touches, 0);
     atomic_store(&counts->drift_nm, 0);
+    atomic_store(&counts->markers_refused, 0);
 }
 
 // What was cut when the server before this one was killed.
@@ -236,6 +239,7 @@ void step_begin(struct worker *worker, struct station_runtime *station,
     memset(&station->share, 0, sizeof station->share);
     memset(station->slowed_told_ns, 0, sizeof station->slowed_told_ns);
     station->events = 0;
+    markers_begin(station);
     station->last_step_ns = session->last_ns;
     newest_put(station->metrics, &session->metrics);
     station->metrics_ns = session->last_ns;

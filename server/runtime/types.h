@@ -59,6 +59,12 @@ struct session_runtime {
     enum session_state state;
     int64_t last_ns, ahead_ns;
     struct job_result *pending;
+    struct marker marked; // too: the last marker of its trace; number 0: none
+};
+
+struct session_marker {
+    uint64_t session; // serial
+    struct marker marker;
 };
 
 // Numbers that a station's worker publishes for any thread.
@@ -81,6 +87,7 @@ struct station_counts {
     atomic_int_fast64_t datagram_ns;             // when the newest frame came by datagram
     atomic_int_fast64_t frame_ns; // when any came, or the session or connection began
     atomic_int_fast64_t pause_ns; // the longest between two frames since runtime_take_pause_ns
+    atomic_uint_fast64_t markers_refused; // not of the session's time, or its trace has none
     struct device_counts devices[WIRE_DEVICES_MAX];
     atomic_int_fast64_t warp_nm; // the largest at any tip since the last runtime_take_warp_mm
 };

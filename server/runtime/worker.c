@@ -5,6 +5,7 @@
 #include "base/clock.h"
 #include "runtime/cut_worker.h"
 #include "runtime/frames.h"
+#include "runtime/markers.h"
 #include "runtime/stepping.h"
 
 #include <errno.h>
@@ -43,6 +44,7 @@ static void forget_keys(struct worker *worker, struct station_runtime *station) 
 static void station_joined(struct worker *worker, struct station_runtime *station) {
     forget_keys(worker, station);
     frames_end_order(station);
+    markers_join(station);
     station->reply.frame_number = station->copied = 0;
     station->frames_lost = station->frames_late = 0;
     atomic_store(&station->counts.datagram_ns, 0);
@@ -182,6 +184,7 @@ static bool visit_stations(struct worker *worker) {
     struct station_runtime *station;
     for (int i = -1; (station = next_station(worker, &i));) {
         left |= frames_take_tcp(worker, station);
+        markers_take(worker, station);
         watch_time(worker, station);
     }
     return left;

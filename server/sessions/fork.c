@@ -72,11 +72,21 @@ static bool copy_input(void *user, const struct trace_record *record) {
     return c->result == RESULT_OK;
 }
 
+// In the copy, too, it is at its own time: before the copy's start.
+static bool copy_marker(void *user, const struct trace_record *record) {
+    struct trace_copy *c = user;
+    if (record->type != TRACE_MARKER || record->offset >= c->end)
+        return true;
+    c->result = trace_append_record(c->writer, record, c->err);
+    return c->result == RESULT_OK;
+}
+
 static enum result copy_inputs(const struct sessions *s, const struct restored *restored,
                                const char *from, struct trace_writer *writer, struct error *err) {
     struct trace_reader *reader;
     struct trace_copy copying = {s, from, restored->place.offset, writer, RESULT_OK, err};
-    struct trace_player player = {.user = &copying, .step = copy_input, .past = copy_input};
+    struct trace_player player = {
+        .user = &copying, .record = copy_marker, .step = copy_input, .past = copy_input};
     enum result result = trace_reader_create(from, &reader, err);
     if (result != RESULT_OK)
         return result;

@@ -28,6 +28,7 @@ struct manager {
     struct task_pool *pool;
     bool drift_warned[STATIONS_MAX], trace_warned[STATIONS_MAX];
     uint64_t clock_steps[STATIONS_MAX];           // that were told
+    uint64_t markers_refused[STATIONS_MAX];       // too
     uint64_t ended_for_instruments[STATIONS_MAX]; // serial of the session
     uint64_t excess[STATIONS_MAX];                // frames, as of the last look
     int64_t excess_told_ns[STATIONS_MAX];
@@ -131,10 +132,18 @@ static void take_notice(struct sessions *s, const struct runtime_notice *notice)
     }
 }
 
+static void take_markers(struct sessions *s) {
+    struct session_marker next;
+    for (int i = 0; i < s->config.station_count; i++)
+        while (runtime_next_marker(s->runtime, i, &next))
+            station_slot_put_marker(&s->slots[i], next.session, &next.marker);
+}
+
 static void take_notices(struct sessions *s) {
     struct runtime_notice notice;
     while (runtime_next_notice(s->runtime, &notice))
         take_notice(s, &notice);
+    take_markers(s);
 }
 
 // ---- warnings, once for each session ------------------------------------------------------------
@@ -170,6 +179,17 @@ static void warn_of_clock(struct sessions *s, int station) {
     s->manager->clock_steps[station] = steps;
 }
 
+static void warn_of_markers(struct sessions *s, int station) {
+    uint64_t refused = atomic_load(&runtime_counts(s->runtime, station)->markers_refused);
+    uint64_t *told = &s->manager->markers_refused[station];
+    if (refused > *told)
+        log_warning("sessions",
+                    "station %s: %" PRIu64 " markers are not recorded: they are not of the time of "
+                    "the session, or its trace is of an older version",
+                    station_name(s, station), refused - *told);
+    *told = refused;
+}
+
 static void warn_of_share(struct sessions *s, int station) {
     uint64_t excess = atomic_load(&runtime_counts(s->runtime, station)->frames_excess);
     uint64_t *before = &s->manager->excess[station];
@@ -194,6 +214,7 @@ static void look_after(struct sessions *s) {
         warn_of_trace(s, i);
         warn_of_clock(s, i);
         warn_of_share(s, i);
+        warn_of_markers(s, i);
     }
 }
 

@@ -79,9 +79,10 @@ static void give_to_worker(void *user) {
 }
 
 void opening_hand_over(struct sessions *s, int station, const struct session_about *about,
-                       struct session_runtime *session, struct remarks *said) {
+                       struct session_runtime *session, struct remarks *said,
+                       struct marker_list *marked) {
     struct hand_over handing = {s, station, session};
-    station_slot_attached(&s->slots[station], about, session->state, said, give_to_worker,
+    station_slot_attached(&s->slots[station], about, session->state, said, marked, give_to_worker,
                           &handing);
 }
 
@@ -100,7 +101,7 @@ void opening_attach(struct sessions *s, int station, struct open_session *sessio
     audit_server(s, station, "open", session->row.id);
     log_info("sessions", "station %s: session on case %s, trace %s", station_name(s, station),
              scene_case(runtime->scene)->name, trace);
-    opening_hand_over(s, station, &about, runtime, NULL);
+    opening_hand_over(s, station, &about, runtime, NULL, NULL);
 }
 
 static enum result open_session(struct sessions *s, int station, struct error *err) {

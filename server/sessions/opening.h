@@ -27,7 +27,8 @@ void opening_about(struct sessions *sessions, const struct trace_header *header,
 // Gives the session to the slot and to the worker. The caller has claimed the slot. The session may
 // have ended when this returns. said: as in station_slot_attached.
 void opening_hand_over(struct sessions *sessions, int station, const struct session_about *about,
-                       struct session_runtime *session, struct remarks *said);
+                       struct session_runtime *session, struct remarks *said,
+                       struct marker_list *marked);
 
 // Gives a session with an open trace to the slot, the records, the log and the worker. The caller
 // has claimed the slot.

@@ -39,6 +39,12 @@ static enum result take_step(struct restored *a, const char *path, struct rerun 
     return RESULT_OK;
 }
 
+// The runs of a station's program follow one another.
+static void take_marker(struct restored *a, const struct marker *marker) {
+    marker_list_put(&a->markers, marker);
+    a->marked = *marker;
+}
+
 struct resume_run {
     const struct sessions *sessions;
     struct restored *restored;
@@ -66,6 +72,8 @@ static bool on_record(void *user, const struct trace_record *record) {
         metrics_interrupt(&a->metrics);
     else if (record->type == TRACE_REMARK)
         remarks_put(&a->remarks, &record->remark);
+    else if (record->type == TRACE_MARKER)
+        take_marker(a, &record->marker);
     if (r->result != RESULT_OK || r->reached)
         return false;
     a->place = trace_reader_place(r->reader);
@@ -101,6 +109,7 @@ static void make_session(const struct sessions *s, struct restored *a, struct re
     runtime->scene = s->scenes[a->scene];
     runtime->state = a->state;
     runtime->last_ns = a->place.time_ns;
+    runtime->marked = a->marked;
     rerun_release(rerun, &runtime->session, &runtime->operation, &runtime->pending);
     a->session = session;
 }
@@ -156,6 +165,7 @@ enum result restore_run(const struct sessions *s, const char *path, const double
 
 void restore_fini(struct restored *a) {
     remarks_fini(&a->remarks);
+    marker_list_fini(&a->markers);
     if (!a->session)
         return;
     session_destroy(&a->session->runtime.session);

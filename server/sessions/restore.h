@@ -11,7 +11,9 @@ struct restored {
     int scene;              // index of its case in the config; -1: not a case of this server
     struct metrics metrics; // of the steps recorded in this trace
     struct snapshot_maker snapshots;
-    struct remarks remarks; // of this trace
+    struct remarks remarks;     // of this trace
+    struct marker_list markers; // too
+    struct marker marked;       // the last of them; number 0: none
     // Still without serial, trace and row, and on its old clock. NULL: it cannot go on.
     struct open_session *session;
 };

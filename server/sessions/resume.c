@@ -227,7 +227,7 @@ static void attach(struct resumed *r) {
     session_row_begin(&r->restored.header, r->path, &r->restored.session->row);
     recorder_put(s->recorder, &r->restored.session->row);
     r->restored.session = NULL;
-    opening_hand_over(s, r->station, &about, runtime, &r->restored.remarks);
+    opening_hand_over(s, r->station, &about, runtime, &r->restored.remarks, &r->restored.markers);
 }
 
 // True where the session goes on.

@@ -339,6 +339,16 @@ bool sessions_remarks(struct sessions *s, int station, uint64_t session, uint64_
     return all;
 }
 
+int sessions_markers(struct sessions *s, int station, uint64_t session, uint64_t *told,
+                     struct marker *out, int room) {
+    struct station_slot *slot = &s->slots[station];
+    pthread_mutex_lock(&slot->lock);
+    int count =
+        slot->markers.session == session ? marker_list_get(&slot->markers, told, out, room) : 0;
+    pthread_mutex_unlock(&slot->lock);
+    return count;
+}
+
 const struct sessions_config *sessions_config(const struct sessions *s) {
     return &s->config;
 }

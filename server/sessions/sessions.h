@@ -47,6 +47,11 @@ bool sessions_remarks(struct sessions *sessions, int station, uint64_t session, 
                       const uint64_t told_each[REMARKS_MAX], struct kept_remark *out, int room,
                       int *out_count, uint64_t *out_revision);
 
+// The markers of the station's session with this serial that a page lacks, at most `room`; *told
+// counts those that it was given.
+int sessions_markers(struct sessions *sessions, int station, uint64_t session, uint64_t *told,
+                     struct marker *out, int room);
+
 const struct sessions_config *sessions_config(const struct sessions *sessions);
 const struct scene *sessions_scene(const struct sessions *sessions, int index); // of a case
 // Whether a case could not be read at the start, and why: "case NAME: ...".

@@ -150,6 +150,16 @@ static void on_frame(void *user, struct control_peer peer, const arthron_Frame *
         runtime_count_invalid_frame(s->runtime, station);
 }
 
+static void receive_marker(struct sessions *s, int station, const arthron_Marker *message) {
+    struct marker marker;
+    struct station_status status;
+    if (wire_marker_to(message, &marker, NULL) != RESULT_OK)
+        return;
+    station_slot_status(&s->slots[station], &status);
+    marker.run = status.connection;
+    runtime_marker(s->runtime, station, &marker);
+}
+
 static void on_message(void *user, struct control_peer peer, const arthron_Control *message) {
     struct sessions *s = user;
     int station = find_station(s, peer);
@@ -160,6 +170,8 @@ static void on_message(void *user, struct control_peer peer, const arthron_Contr
     else if (message->which_message == arthron_Control_mesh_ask_tag ||
              message->which_message == arthron_Control_mesh_ack_tag)
         runtime_mesh_message(s->runtime, station, peer, message);
+    else if (message->which_message == arthron_Control_marker_tag)
+        receive_marker(s, station, &message->message.marker);
 }
 
 static void on_gone(void *user, struct control_peer peer) {

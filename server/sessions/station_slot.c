@@ -26,6 +26,7 @@ void station_slot_fini(struct station_slot *slot) {
     pthread_mutex_destroy(&slot->lock);
     pthread_cond_destroy(&slot->changed);
     remarks_fini(&slot->remarks);
+    marker_list_fini(&slot->markers);
 }
 
 static struct station_status *begin(struct station_slot *slot) {
@@ -79,8 +80,8 @@ bool station_slot_claim_needed(struct station_slot *slot, int64_t now_ns) {
 }
 
 void station_slot_attached(struct station_slot *slot, const struct session_about *about,
-                           enum session_state state, struct remarks *said, void (*give)(void *user),
-                           void *user) {
+                           enum session_state state, struct remarks *said,
+                           struct marker_list *marked, void (*give)(void *user), void *user) {
     struct station_status *s = begin(slot);
     CHECK(s->phase == SLOT_OPENING && state != SESSION_CLOSED);
     s->phase = SLOT_ATTACHED;
@@ -90,7 +91,16 @@ void station_slot_attached(struct station_slot *slot, const struct session_about
     s->scene = about->scene;
     s->has_tissues = true;
     remarks_begin(&slot->remarks, about->serial, said);
+    marker_list_begin(&slot->markers, about->serial, marked);
     give(user);
+    end(slot);
+}
+
+void station_slot_put_marker(struct station_slot *slot, uint64_t session,
+                             const struct marker *marker) {
+    begin(slot);
+    if (slot->markers.session == session)
+        marker_list_put(&slot->markers, marker);
     end(slot);
 }
 

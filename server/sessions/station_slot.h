@@ -15,6 +15,7 @@
 
 #include "net/control.h"
 #include "sessions/config.h"
+#include "sessions/marker_list.h"
 #include "sessions/remarks.h"
 
 #include <pthread.h>
@@ -80,8 +81,9 @@ struct station_slot {
     pthread_mutex_t lock;
     pthread_cond_t changed;
     struct station_status status;
-    struct remarks remarks; // of the last session
-    uint64_t ticket, taken; // the last ticket, the last one that the worker answered
+    struct remarks remarks;     // of the last session
+    struct marker_list markers; // too
+    uint64_t ticket, taken;     // the last ticket, the last one that the worker answered
     bool taken_done;
     struct {
         bool awaited;     // a thread waits for the answer
@@ -104,12 +106,13 @@ void station_slot_status(struct station_slot *slot, struct station_status *out_s
 bool station_slot_claim(struct station_slot *slot, const uint8_t id[16]);
 // The same, where a connected station has no session and none was stopped by command.
 bool station_slot_claim_needed(struct station_slot *slot, int64_t now_ns);
-// OPENING → ATTACHED. said: NULL, or remarks of an earlier server, which are moved to the slot.
+// OPENING → ATTACHED. said, marked: NULL, or remarks and markers of an earlier server, which are
+// moved to the slot.
 // give: hands the session to its worker. It runs under the lock, so that no request reaches the
 // worker before the session; it must not wait.
 void station_slot_attached(struct station_slot *slot, const struct session_about *about,
-                           enum session_state state, struct remarks *said, void (*give)(void *user),
-                           void *user);
+                           enum session_state state, struct remarks *said,
+                           struct marker_list *marked, void (*give)(void *user), void *user);
 // OPENING → EMPTY.
 void station_slot_failed(struct station_slot *slot, int64_t retry_ns);
 // The station, or a session of it, was refused; why: for a person.
@@ -120,6 +123,9 @@ void station_slot_ending(struct station_slot *slot);
 bool station_slot_goes_on(struct station_slot *slot);
 // The worker's state. CLOSED: ATTACHED or ENDING → EMPTY. Ignored for any other session.
 void station_slot_set_state(struct station_slot *slot, uint64_t session, enum session_state state);
+// Ignored for any other session.
+void station_slot_put_marker(struct station_slot *slot, uint64_t session,
+                             const struct marker *marker);
 void station_slot_set_tissues(struct station_slot *slot, uint64_t session);
 
 // ---- the sessions to come ----

@@ -2,6 +2,8 @@
 // session do (metrics/view.h), so its trace stores it.
 #pragma once
 
+#include "base/pose.h"
+
 #include <stdbool.h>
 
 struct view_optic {
@@ -11,3 +13,7 @@ struct view_optic {
 
 struct view_optic view_optic_usual(void); // 30 degrees, and a field of 90
 bool view_optic_is_valid(const struct view_optic *optic);
+
+// Where the optic looks, a unit vector: tilted from the shaft towards the y axis of the tip's
+// frame.
+vec3 optic_axis(const struct view_optic *optic, pose T_mockup_tip);

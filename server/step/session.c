@@ -151,9 +151,10 @@ static uint32_t take_samples(struct session *s, const struct frame *frame) {
     if (s->settings.rules < RULES_WITHOUT_TRAVEL || travel_ns < 0)
         travel_ns = 0;
     s->travel_ns = travel_ns < TRAVEL_MAX_NS ? travel_ns : TRAVEL_MAX_NS;
+    struct sampling at = {s->time_ns - s->travel_ns, frame->time_ns, s->settings.hold_ns,
+                          s->settings.rules >= RULES_HELD_FROM_FRAME};
     for (int i = 0; i < frame->count; i++)
-        events |= samples_take(&s->samples, &frame->samples[i], s->time_ns - s->travel_ns,
-                               s->settings.hold_ns);
+        events |= samples_take(&s->samples, &frame->samples[i], at);
     return events;
 }
 

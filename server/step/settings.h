@@ -31,7 +31,9 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //   7  Where nothing of a tissue is left far and wide, its touch lies down on the plateau
 //      (match/conform.h). Of tissue that never gives way, what cuts took from it is told as touched
 //      where nothing is seen.
-#define RULES_NEWEST 7
+//   8  The hold of a sample counts from the last frame that told it as ok. So a device that tells
+//      late what it measured, by up to 1 s, or seldom, is not lost.
+#define RULES_NEWEST 8
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
@@ -41,6 +43,7 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 #define RULES_WITHOUT_TRAVEL 6
 #define RULES_TOUCH_LAID 7
 #define RULES_STILL_TOLD 7
+#define RULES_HELD_FROM_FRAME 8
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

@@ -26,19 +26,10 @@ static struct ink gain_ink(double share) {
                         a->b + t * (b->b - a->b)};
 }
 
-static struct ink solid_ink(const char *group) {
-    static const struct {
-        const char *begins;
-        struct ink ink;
-    } inks[] = {{"femur", {226, 216, 192}},
-                {"tibia", {226, 216, 192}},
-                {"patella", {226, 216, 192}},
-                {"meniscus", {172, 200, 222}},
-                {"", {224, 196, 190}}};
-    size_t i = 0;
-    while (strncmp(group, inks[i].begins, strlen(inks[i].begins)) != 0)
-        i++;
-    return inks[i].ink;
+static struct ink solid_ink(uint32_t colour) {
+    double rgb[3];
+    tissue_rgb(colour, rgb);
+    return (struct ink){255 * rgb[0], 255 * rgb[1], 255 * rgb[2]};
 }
 
 static void put(struct picture *picture, int x, int y, struct ink ink, double cover) {
@@ -56,7 +47,7 @@ static struct ink cell_ink(const struct section_cell *cell, const struct case_ch
                            double gain_most, int x, int y) {
     static const struct ink white = {255, 255, 255}, hatch = {176, 176, 180};
     if (cell->place == PLACE_SOLID)
-        return solid_ink(check->groups[cell->group]);
+        return solid_ink(check->group_colours[cell->group]);
     if (cell->place == PLACE_OUTSIDE)
         return outside_ink;
     if (cell->close)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "case/case.h"
+#include "motion/motion.h"
 
 #define EXIT_OK 0
 #define EXIT_FAULT 1 // it failed, or found a fault
@@ -16,12 +17,14 @@ int command_import(int argc, char **argv);
 int command_info(int argc, char **argv);
 int command_landmarks(int argc, char **argv);
 int command_ligament(int argc, char **argv);
+int command_tissue(int argc, char **argv);
 int command_maxcut(int argc, char **argv);
 int command_motion(int argc, char **argv);
 int command_picture(int argc, char **argv);
 int command_plan(int argc, char **argv);
 int command_read_surface(int argc, char **argv); // hidden: for command_import
 int command_record_pose(int argc, char **argv);
+int command_task(int argc, char **argv);
 int command_tear(int argc, char **argv);
 
 // Prints what is wrong and where help is; EXIT_USAGE.
@@ -34,3 +37,6 @@ int failed(const char *command, const struct error *err);
 
 // `count` finite numbers separated by commas, and nothing else.
 bool parse_numbers(const char *text, double *out_values, int count);
+
+// Writes the motion's table; leaves no part of a file. RESULT_IO; the error names the path.
+enum result write_motion(const struct motion *motion, const char *path, struct error *err);

@@ -1,5 +1,6 @@
 #include "case_commands.h"
 #include "generate/generate.h"
+#include "landmarks/landmarks.h"
 
 #include <getopt.h>
 #include <stdio.h>
@@ -14,11 +15,13 @@ static const char help[] =
 
 static int run(const char *path, const char *out) {
     struct recipe recipe;
-    struct knee_case *knee;
+    struct knee_case *knee = NULL;
     struct error err;
     if (recipe_load(path, &recipe, &err) != RESULT_OK)
         return failed("generate", &err);
     enum result result = generate_knee(&recipe, &knee, &err);
+    if (result == RESULT_OK)
+        result = landmarks_find(knee, NULL, &err);
     if (result != RESULT_OK)
         fail_in(&err, result, "%s: ", path);
     else

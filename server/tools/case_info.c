@@ -92,13 +92,19 @@ static json_t *lesion_object(const struct case_group *group) {
 static json_t *group_object(const struct case_group *group) {
     struct topology t = topology_of(&group->mesh);
     struct box box = mesh_bounds(&group->mesh);
+    char colour[8];
+    snprintf(colour, sizeof colour, "#%06x", (unsigned)group->tissue.colour & 0xffffff);
     return json_pack(
-        "{s:s, s:s, s:b, s:o, s:i, s:i, s:{s:o, s:o}, s:o, s:f, s:f, s:f, s:o, s:o, s:s?}", "name",
-        group->name, "body", body_name(group->body), "cuttable", (int)group->cuttable, "parts",
-        parts_array(group), "vertices", (int)group->mesh.vertex_count, "triangles",
-        (int)group->mesh.triangle_count, "box", "min", vector(box.min), "max", vector(box.max),
-        "volume_mm3", t.closed && t.oriented ? json_real(mesh_volume(&group->mesh)) : json_null(),
-        "area_mm2", mesh_area(&group->mesh), "warp_max_mm", inspect_largest(group, group->warp),
+        "{s:s, s:s, s:s, s:s, s:s, s:b, s:s, s:b, s:o, s:i, s:i, s:{s:o, s:o}, s:o, s:f, s:f, s:f, "
+        "s:o, s:o, s:s?}",
+        "name", group->name, "tissue", tissue_kind_name(group->tissue.kind), "label",
+        group->tissue.label, "colour", colour, "side", tissue_side_name(group->tissue.side),
+        "zones", (int)group->tissue.has_zones, "body", body_name(group->body), "cuttable",
+        (int)group->cuttable, "parts", parts_array(group), "vertices",
+        (int)group->mesh.vertex_count, "triangles", (int)group->mesh.triangle_count, "box", "min",
+        vector(box.min), "max", vector(box.max), "volume_mm3",
+        t.closed && t.oriented ? json_real(mesh_volume(&group->mesh)) : json_null(), "area_mm2",
+        mesh_area(&group->mesh), "warp_max_mm", inspect_largest(group, group->warp),
         "maxcut_max_mm", inspect_largest(group, group->maxcut), "lesion", lesion_object(group),
         "topology", topology_object(&t), "bridges",
         group->bridges ? body_name(group->other_body) : NULL);

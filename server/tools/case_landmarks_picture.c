@@ -47,7 +47,7 @@ struct stage {
 };
 
 static bool is_shown(const struct case_group *group, const struct shot *shot) {
-    if (strncmp(group->name, "skin", 4) == 0)
+    if (case_group_is_skin(group))
         return false;
     return !shot->tibia_only || (group->body == BODY_TIBIA && !group->bridges);
 }

@@ -11,9 +11,7 @@ static const char help[] =
     "Makes the morph `maxcut` of menisci anew: the shape that the greatest resection leaves.\n"
     "The inner margin moves towards the capsule. The roots of the horns stay whole.\n"
     "\n"
-    "  --group NAME     a cuttable group that is C-shaped from above (default: meniscus_medial "
-    "and\n"
-    "                   meniscus_lateral)\n"
+    "  --group NAME     a cuttable group that is C-shaped from above (default: the menisci)\n"
     "  --rim MM         width of the rim that stays, 2 to 8 (default: 3.5). It gets wider where "
     "the\n"
     "                   meniscus is hollow at its rim\n"
@@ -52,10 +50,9 @@ static enum result run(struct knee_case *knee, const struct maxcut_request *requ
 }
 
 static void take_menisci(struct knee_case *knee, struct maxcut_request *request) {
-    static const char *const menisci[] = {"meniscus_medial", "meniscus_lateral"};
-    for (int i = 0; i < 2; i++)
-        if (case_group(knee, menisci[i]))
-            request->groups[request->group_count++] = menisci[i];
+    for (int i = 0; i < knee->group_count; i++)
+        if (knee->groups[i].tissue.kind == TISSUE_MENISCUS)
+            request->groups[request->group_count++] = knee->groups[i].name;
 }
 
 static int load_and_run(struct maxcut_request *request) {

@@ -17,7 +17,7 @@ static const char help[] =
     "  --case DIR       the case\n"
     "  --out FILE.csv   write the motion here\n";
 
-static enum result write_file(const struct motion *motion, const char *path, struct error *err) {
+enum result write_motion(const struct motion *motion, const char *path, struct error *err) {
     FILE *file = fopen(path, "w");
     if (!file)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
@@ -44,7 +44,7 @@ static int run(const char *path, const char *dir, const char *out) {
     if (result != RESULT_OK)
         fail_in(&err, result, "%s: ", path);
     else
-        result = write_file(&motion, out, &err);
+        result = write_motion(&motion, out, &err);
     motion_fini(&motion);
     case_destroy(&knee);
     return result == RESULT_OK ? EXIT_OK : failed("motion", &err);

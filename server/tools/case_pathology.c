@@ -81,6 +81,30 @@ static const char ligament_help[] =
     "  --extra-valgus-deg LIST, --extra-internal-deg LIST, --extra-drawer-mm LIST\n"
     "                   how much further the patient's joint goes\n" COMMON_HELP;
 
+static const char tissue_help[] =
+    "Usage: arthron-case tissue DIR --group NAME [OPTION...] --out DIR\n"
+    "\n"
+    "Describes a group of a case, or adds one: a plica, a loose body. The words are those of a\n"
+    "recipe's [tissue NAME].\n"
+    "\n"
+    "  --group NAME     the group\n"
+    "  --kind KIND      bone, cartilage, meniscus, ligament, synovium, skin or other\n"
+    "  --label TEXT     what pages and reports call it\n"
+    "  --colour #RRGGBB its colour in pages, pictures and exports (default: the kind's)\n"
+    "  --side SIDE      medial, lateral or none\n"
+    "  --cuttable yes|no\n"
+    "                   whether instruments cut it\n"
+    "  --zones yes|no   whether it is C-shaped from above, as a meniscus: zones and rim are "
+    "judged\n"
+    "Of a new group:\n"
+    "  --body BODY      femur, tibia or patella: it moves with this body\n"
+    "  --bridges BODY   it reaches this body, as a ligament does\n"
+    "  --path LIST      2 to 4 control points of a curve, each X,Y,Z: mm from the joint's origin,\n"
+    "                   x lateral, y anterior, z proximal\n"
+    "  --width-mm MM, --thickness-mm MM\n"
+    "                   of the tube round the curve, 0.5 to 30\n"
+    "  --flat X,Y,Z     about the direction in which it is thin (default: 0,0,1)\n" COMMON_HELP;
+
 struct pathology_request {
     const char *dir, *out, *name, *title;
     double rim_mm;
@@ -91,7 +115,7 @@ struct pathology_request {
 
 #define WORD(name)                                                                                 \
     { name, required_argument, NULL, 'w' }
-#define WORDS_MAX 16
+#define WORDS_MAX 20
 
 static const struct option common[] = {{"name", required_argument, NULL, 'n'},
                                        {"title", required_argument, NULL, 't'},
@@ -101,7 +125,7 @@ static const struct option common[] = {{"name", required_argument, NULL, 'n'},
 
 static const struct pathology_command {
     const char *help;
-    struct option words[WORDS_MAX / 2 + 1]; // ended by zeros
+    struct option words[WORDS_MAX - 5 + 1]; // ended by zeros; the common ones follow
 } commands[PATHOLOGY_KIND_COUNT] = {
     [PATHOLOGY_TEAR] = {tear_help,
                         {WORD("kind"),
@@ -131,6 +155,20 @@ static const struct pathology_command {
                              WORD("extra-valgus-deg"),
                              WORD("extra-internal-deg"),
                              WORD("extra-drawer-mm")}},
+    [PATHOLOGY_TISSUE] = {tissue_help,
+                          {{"group", required_argument, NULL, 'l'},
+                           WORD("kind"),
+                           WORD("label"),
+                           WORD("colour"),
+                           WORD("side"),
+                           WORD("cuttable"),
+                           WORD("zones"),
+                           WORD("body"),
+                           WORD("bridges"),
+                           WORD("path"),
+                           WORD("width-mm"),
+                           WORD("thickness-mm"),
+                           WORD("flat")}},
 };
 
 static void gather_options(enum pathology_kind kind, struct option out[WORDS_MAX]) {
@@ -207,8 +245,8 @@ static int parse(int argc, char **argv, struct pathology_request *request, bool 
         return usage_error(command, "one case folder is needed");
     if (!request->out)
         return usage_error(command, "--out is needed");
-    if (kind == PATHOLOGY_LIGAMENT && !request->step.name[0])
-        return usage_error(command, "--ligament is needed");
+    if ((kind == PATHOLOGY_LIGAMENT || kind == PATHOLOGY_TISSUE) && !request->step.name[0])
+        return usage_error(command, "--%s is needed", options[0].name);
     if (pathology_check(&request->step, &err) != RESULT_OK)
         return usage_error(command, "%s", err.text);
     request->dir = argv[optind];
@@ -259,4 +297,8 @@ int command_plan(int argc, char **argv) {
 
 int command_tear(int argc, char **argv) {
     return command(PATHOLOGY_TEAR, argc, argv);
+}
+
+int command_tissue(int argc, char **argv) {
+    return command(PATHOLOGY_TISSUE, argc, argv);
 }

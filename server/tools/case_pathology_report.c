@@ -76,11 +76,26 @@ static enum result report_ligament(const struct knee_case *knee, const char *nam
     return result;
 }
 
+static enum result report_tissue(const struct knee_case *knee, const char *name) {
+    for (int i = 0; i < knee->group_count; i++) {
+        const struct case_group *group = &knee->groups[i];
+        const struct case_tissue *tissue = &group->tissue;
+        if (strcmp(group->name, name) == 0)
+            printf("%s: %s, %s, side %s, colour #%06x%s%s\n", name, tissue->label,
+                   tissue_kind_name(tissue->kind), tissue_side_name(tissue->side),
+                   (unsigned)tissue->colour, group->cuttable ? ", cuttable" : "",
+                   tissue->has_zones ? ", with zones" : "");
+    }
+    return RESULT_OK;
+}
+
 enum result pathology_report(const struct knee_case *knee, const struct pathology *step,
                              struct error *err) {
     const char *meniscus = step->kind == PATHOLOGY_TEAR ? step->tear.group : step->plan.group;
     if (step->kind == PATHOLOGY_LIGAMENT)
         return report_ligament(knee, step->name, err);
+    if (step->kind == PATHOLOGY_TISSUE)
+        return report_tissue(knee, step->name);
     if (step->kind == PATHOLOGY_CAVITY)
         return report_cavity(knee, step->cavity.body);
     for (int i = 0; i < knee->group_count; i++)

@@ -20,7 +20,9 @@ static const struct {
     {"replay", command_replay, "runs the session again: compares every step, or tries settings"},
     {"cut", command_cut, "writes a piece of a session as a trace"},
     {"export", command_export, "writes the steps as a table, an image, a scene or a recording"},
+    {"judge", command_judge, "judges a session by a task"},
     {"score", command_score, "computes the metrics: time, paths, smoothness, contacts, resection"},
+    {"serve", command_serve, "plays a session to programs that speak OpenIGTLink"},
     {"picture", command_picture, "draws a meniscus after its cuts"},
     {"report", command_report, "writes a page: paths, warp, joint, resection, metrics"},
 };
@@ -71,6 +73,25 @@ enum result load_scene(const struct trace_reader *reader, const char *case_dir,
     if (result != RESULT_OK)
         case_destroy(&knee);
     return result;
+}
+
+enum result load_scene_if_there(const char *command, const struct trace_reader *reader,
+                                const char *case_dir, const char *what, struct scene **out_scene,
+                                struct error *err) {
+    enum result result = load_scene(reader, case_dir, out_scene, err);
+    if (result == RESULT_OK &&
+        scene_case(*out_scene)->hash != trace_reader_header(reader)->case_hash) {
+        result =
+            fail(err, RESULT_REFUSED, "the case is not the one that the session was recorded with");
+        scene_destroy(out_scene);
+    }
+    if (result == RESULT_OK)
+        return RESULT_OK;
+    *out_scene = NULL;
+    if (case_dir)
+        return result;
+    fprintf(stderr, "arthron-trace %s: %s are left out: %s\n", command, what, err->text);
+    return RESULT_OK;
 }
 
 void show_progress(uint64_t done, uint64_t all) {

@@ -15,7 +15,9 @@ int command_verify(int argc, char **argv);
 int command_replay(int argc, char **argv);
 int command_cut(int argc, char **argv);
 int command_export(int argc, char **argv);
+int command_judge(int argc, char **argv);
 int command_score(int argc, char **argv);
+int command_serve(int argc, char **argv);
 int command_picture(int argc, char **argv);
 int command_report(int argc, char **argv);
 
@@ -25,6 +27,13 @@ int take_file(int argc, char **argv, const char **out_file);
 // The scene of the case that the trace names, or of case_dir where that is not NULL.
 enum result load_scene(const struct trace_reader *reader, const char *case_dir,
                        struct scene **out_scene, struct error *err);
+
+// The same, for what is in the case and not in the trace: without the case that the session was
+// recorded with `what` is left out, which stderr says, and *out_scene is NULL. An error where
+// case_dir names another one.
+enum result load_scene_if_there(const char *command, const struct trace_reader *reader,
+                                const char *case_dir, const char *what, struct scene **out_scene,
+                                struct error *err);
 
 // Seconds, 0 or more; false where the text is none.
 bool take_seconds(const char *text, double *out_s);

@@ -58,29 +58,45 @@ struct trace_piece {
     struct trace_writer *writer;
     int64_t start_ns;
     uint64_t steps;
+    bool over; // the time: only markers that came late may still be of it
     enum result result;
     struct error *err;
 };
 
+static double seconds_of(const struct trace_piece *c, int64_t time_ns) {
+    return (double)(time_ns - c->start_ns) / (double)NS_PER_S;
+}
+
+static void take_input(struct trace_piece *c, struct trace_record *copy) {
+    double seconds = seconds_of(c, copy->input.time_ns);
+    c->over |= seconds > c->request->to_s;
+    if (seconds < c->request->from_s)
+        copy->type = TRACE_PAST;
+    c->steps += !c->over && copy->type == TRACE_STEP;
+}
+
+static bool is_of_piece(const struct trace_piece *c, const struct trace_record *record) {
+    double seconds = seconds_of(c, record->marker.time_ns);
+    return record->type == TRACE_MARKER
+               ? seconds >= c->request->from_s && seconds <= c->request->to_s
+               : !c->over;
+}
+
 static bool copy_record(void *user, const struct trace_record *record) {
     struct trace_piece *c = user;
     struct trace_record copy = *record;
-    if (record->type == TRACE_STEP || record->type == TRACE_PAST) {
-        double seconds = (double)(record->input.time_ns - c->start_ns) / (double)NS_PER_S;
-        if (seconds > c->request->to_s)
-            return false;
-        if (seconds < c->request->from_s)
-            copy.type = TRACE_PAST;
-        c->steps += copy.type == TRACE_STEP;
-    }
+    if (record->type == TRACE_STEP || record->type == TRACE_PAST)
+        take_input(c, &copy);
+    if (!is_of_piece(c, record))
+        return true;
     c->result = trace_append_record(c->writer, &copy, c->err);
     return c->result == RESULT_OK;
 }
 
 static enum result copy(const struct cut_request *request, struct trace_reader *reader,
                         struct trace_writer *writer, uint64_t *out_steps, struct error *err) {
-    struct trace_piece c = {request, writer,    trace_reader_header(reader)->start_ns,
-                            0,       RESULT_OK, err};
+    struct trace_piece c = {request,   writer, trace_reader_header(reader)->start_ns, 0, false,
+                            RESULT_OK, err};
     struct trace_player player = {.user = &c, .record = copy_record, .progress = show_second_half};
     enum result result = trace_play(reader, &player, err);
     *out_steps = c.steps;
@@ -88,7 +104,7 @@ static enum result copy(const struct cut_request *request, struct trace_reader *
         return c.result;
     if (!c.steps)
         return fail(err, RESULT_MISSING, "%s has no step in that time", request->file);
-    return result == RESULT_OK ? RESULT_CLOSED : result;
+    return c.over ? RESULT_CLOSED : result;
 }
 
 static enum result cut(const struct cut_request *request, struct error *err) {

@@ -8,13 +8,16 @@
 #include <sys/stat.h>
 
 static const char help[] =
-    "Usage: arthron-trace export FILE --csv OUT | --exr OUT | --gltf OUT | --mcap OUT\n"
+    "Usage: arthron-trace export FILE --csv OUT | --markers OUT | --exr OUT | --gltf OUT | --mcap "
+    "OUT\n"
     "                                 [--columns LIST] [--from S] [--to S] [--case DIR]\n"
     "\n"
     "Converts a session for other programs.\n"
     "\n"
     "  --csv OUT       write a table with a row for each step; - for stdout "
     "(server/export/CSV.md)\n"
+    "  --markers OUT   write a table of the devices' markers, each with its own time; - for "
+    "stdout\n"
     "  --exr OUT       write an image of many channels, with every bit of inputs and outputs, and\n"
     "                  maps of what each cut changed (server/export/EXR.md)\n"
     "  --gltf OUT      write an animated scene, GLB, for Blender and others\n"
@@ -40,7 +43,7 @@ static const char help[] =
     "Exits 1 if the trace is not whole. Everything that can be read is written.\n";
 
 struct trace_export_request {
-    const char *csv, *exr, *gltf, *mcap, *case_dir;
+    const char *csv, *markers, *exr, *gltf, *mcap, *case_dir;
     struct export_request export;
 };
 
@@ -52,39 +55,23 @@ static bool is_made(enum result result, FILE *file) {
 
 static enum result write_table(struct trace_export_request *request, struct error *err) {
     struct draft draft;
-    if (!strcmp(request->csv, "-")) {
+    const char *out = request->csv ? request->csv : request->markers;
+    enum result (*export)(const struct export_request *, FILE *, struct error *) =
+        request->csv ? export_csv : export_markers;
+    if (!strcmp(out, "-")) {
         request->export.progress = NULL;
-        return export_csv(&request->export, stdout, err);
+        return export(&request->export, stdout, err);
     }
-    enum result result = draft_open(request->csv, &draft, err);
+    enum result result = draft_open(out, &draft, err);
     if (result != RESULT_OK)
         return result;
-    result = export_csv(&request->export, draft.file, err);
+    result = export(&request->export, draft.file, err);
     if (!is_made(result, draft.file)) {
         draft_drop(&draft);
         return result;
     }
     enum result kept = draft_keep(&draft, result == RESULT_OK ? err : NULL);
     return result == RESULT_OK ? kept : result;
-}
-
-// What is in the case and not in the trace can be left out, but for a case that was asked for.
-static enum result load_if_there(const struct trace_reader *reader, const char *case_dir,
-                                 const char *what, struct scene **out_scene, struct error *err) {
-    enum result result = load_scene(reader, case_dir, out_scene, err);
-    if (result == RESULT_OK &&
-        scene_case(*out_scene)->hash != trace_reader_header(reader)->case_hash) {
-        result =
-            fail(err, RESULT_REFUSED, "the case is not the one that the session was recorded with");
-        scene_destroy(out_scene);
-    }
-    if (result == RESULT_OK)
-        return RESULT_OK;
-    *out_scene = NULL;
-    if (case_dir)
-        return result;
-    fprintf(stderr, "arthron-trace export: %s are left out: %s\n", what, err->text);
-    return RESULT_OK;
 }
 
 // A table has the names of groups where the case is there; an image needs it only for cuts.
@@ -100,8 +87,9 @@ static enum result load_needed(struct trace_export_request *request, struct scen
     if (request->exr)
         survey_read(reader, show_progress, &survey);
     if (request->csv || request->mcap)
-        result = load_if_there(reader, request->case_dir,
-                               request->csv ? "the names of groups" : "meshes", out_scene, err);
+        result =
+            load_scene_if_there("export", reader, request->case_dir,
+                                request->csv ? "the names of groups" : "meshes", out_scene, err);
     else if (survey.jobs || request->gltf || request->case_dir)
         result = load_scene(reader, request->case_dir, out_scene, err);
     trace_reader_destroy(&reader);
@@ -118,7 +106,7 @@ static int write_export(struct trace_export_request *request, const char *out) {
     struct scene *scene;
     enum result result = load_needed(request, &scene, &err);
     if (result == RESULT_OK)
-        result = request->csv    ? write_table(request, &err)
+        result = request->csv || request->markers ? write_table(request, &err)
                  : request->gltf ? export_gltf(&request->export, request->gltf, &err)
                  : request->mcap ? export_mcap(&request->export, request->mcap, &err)
                                  : export_exr(&request->export, request->exr, &err);
@@ -140,6 +128,9 @@ static bool parse_option(int option, struct trace_export_request *request) {
     switch (option) {
     case 'c':
         request->csv = optarg;
+        return true;
+    case 'M':
+        request->markers = optarg;
         return true;
     case 'e':
         request->exr = optarg;
@@ -170,12 +161,17 @@ static bool same_file(const char *a, const char *b) {
 }
 
 int command_export(int argc, char **argv) {
-    static const struct option options[] = {
-        {"csv", required_argument, NULL, 'c'},  {"exr", required_argument, NULL, 'e'},
-        {"gltf", required_argument, NULL, 'g'}, {"mcap", required_argument, NULL, 'm'},
-        {"from", required_argument, NULL, 'f'}, {"to", required_argument, NULL, 't'},
-        {"case", required_argument, NULL, 'k'}, {"columns", required_argument, NULL, 'n'},
-        {"help", no_argument, NULL, 'h'},       {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"csv", required_argument, NULL, 'c'},
+                                            {"markers", required_argument, NULL, 'M'},
+                                            {"exr", required_argument, NULL, 'e'},
+                                            {"gltf", required_argument, NULL, 'g'},
+                                            {"mcap", required_argument, NULL, 'm'},
+                                            {"from", required_argument, NULL, 'f'},
+                                            {"to", required_argument, NULL, 't'},
+                                            {"case", required_argument, NULL, 'k'},
+                                            {"columns", required_argument, NULL, 'n'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {NULL, 0, NULL, 0}};
     struct trace_export_request request = {.export = {.from_s = -INFINITY,
                                                       .to_s = INFINITY,
                                                       .progress = show_progress,
@@ -188,15 +184,17 @@ int command_export(int argc, char **argv) {
     }
     if (take_file(argc, argv, &request.export.trace) != EXIT_GOOD)
         return EXIT_USAGE;
-    if (!!request.csv + !!request.exr + !!request.gltf + !!request.mcap != 1)
-        return usage_error(argv[0],
-                           "one of --csv OUT, --exr OUT, --gltf OUT and --mcap OUT is needed");
+    if (!!request.csv + !!request.markers + !!request.exr + !!request.gltf + !!request.mcap != 1)
+        return usage_error(
+            argv[0],
+            "one of --csv OUT, --markers OUT, --exr OUT, --gltf OUT and --mcap OUT is needed");
     if (request.export.columns && !request.csv)
         return usage_error(argv[0], "--columns needs --csv");
-    const char *out = request.csv    ? request.csv
-                      : request.exr  ? request.exr
-                      : request.gltf ? request.gltf
-                                     : request.mcap;
+    const char *out = request.csv       ? request.csv
+                      : request.markers ? request.markers
+                      : request.exr     ? request.exr
+                      : request.gltf    ? request.gltf
+                                        : request.mcap;
     if (same_file(request.export.trace, out))
         return usage_error(argv[0], "%s is the trace itself", out);
     return write_export(&request, out);

@@ -148,6 +148,27 @@ static json_t *remarks_array(const struct survey *s) {
     return all;
 }
 
+static uint64_t shown_markers(const struct survey *s) {
+    return s->marker_count < SURVEY_MARKERS_MAX ? s->marker_count : SURVEY_MARKERS_MAX;
+}
+
+static double marker_seconds(const struct trace_header *h, const struct marker *m) {
+    return (double)(m->time_ns - h->start_ns) / (double)NS_PER_S;
+}
+
+static json_t *markers_array(const struct trace_header *h, const struct survey *s) {
+    json_t *all = json_array();
+    for (uint64_t i = 0; i < shown_markers(s); i++) {
+        const struct marker *m = &s->markers[i];
+        json_array_append_new(all,
+                              json_pack("{s:s, s:o, s:f, s:f, s:I, s:I}", "name", m->name, "device",
+                                        text_or_null(m->device), "second", marker_seconds(h, m),
+                                        "value", m->value, "number", (json_int_t)m->number,
+                                        "time_ns", (json_int_t)m->time_ns));
+    }
+    return all;
+}
+
 static void print_json(const struct trace_header *h, const struct survey *s) {
     char id[33], start[32], hash[17];
     hex_text(h->session_id, sizeof h->session_id, id);
@@ -177,6 +198,8 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     json_object_set_new(root, "past", json_integer((json_int_t)s->past));
     json_object_set_new(root, "resumes", json_integer((json_int_t)s->resumes));
     json_object_set_new(root, "remarks", remarks_array(s));
+    json_object_set_new(root, "markers", markers_array(h, s));
+    json_object_set_new(root, "markers_count", json_integer((json_int_t)s->marker_count));
     if (s->touches)
         json_object_set_new(root, "touches",
                             json_pack("{s:I, s:I}", "count", (json_int_t)s->touches, "bytes",
@@ -207,6 +230,17 @@ static void print_remark(const struct survey *s, const struct remark *r) {
         printf(" [touch %.1f %.1f %.1f of the %s]", r->point.x, r->point.y, r->point.z,
                body_name(r->body));
     puts(r->withdrawn ? " (withdrawn)" : "");
+}
+
+static void print_markers(const struct trace_header *h, const struct survey *s) {
+    for (uint64_t i = 0; i < shown_markers(s); i++) {
+        const struct marker *m = &s->markers[i];
+        printf("marker      %.4f s, %s of %s: %.12g\n", marker_seconds(h, m), m->name, m->device,
+               m->value);
+    }
+    if (s->marker_count > shown_markers(s))
+        printf("marker      %" PRIu64 " more: arthron-trace export --markers has them all\n",
+               s->marker_count - shown_markers(s));
 }
 
 static void print_origin(const struct trace_header *h) {
@@ -276,6 +310,7 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     for (uint32_t i = 0; i < s->remark_count; i++)
         if (s->remarks[i].number)
             print_remark(s, &s->remarks[i]);
+    print_markers(h, s);
     printf("displaced   by up to %.3f mm\n", s->largest_mm);
     if (s->end != RESULT_CLOSED)
         printf("not whole   %s\n", s->why.text);

@@ -80,7 +80,7 @@ static enum result draw(const struct scene *scene, const struct operation *opera
     cut_mesh_flatten(cut, &mesh, NULL, &ids);
     for (uint32_t i = 0; i < mesh.triangle_count; i++)
         ids[i] = cut_mesh_label(cut, ids[i]);
-    struct tissue_look look = {.mesh = &mesh, .labels = ids};
+    struct tissue_look look = {.mesh = &mesh, .colour = group->tissue.colour, .labels = ids};
     struct rod *lines = lines_of(group, operation, tissue, &look.line_count);
     look.lines = lines;
     quat axes = knee->joint.T_femur_joint.rotation;

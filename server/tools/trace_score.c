@@ -82,8 +82,9 @@ struct listing {
 
 static void add_labels(const struct score *s, const struct metric_value *v, json_t *object) {
     char text[SUBJECT_MAX];
-    if (v->instrument >= 0)
-        json_object_set_new(object, "instrument", json_string(subject_instrument(v)));
+    if (v->owner)
+        json_object_set_new(object, v->instrument >= 0 ? "instrument" : "bone",
+                            json_string(v->owner));
     if (v->group >= 0) {
         subject_group(s->knee, v->group, text);
         json_object_set_new(object, "group", json_string(text));
@@ -116,7 +117,7 @@ static void print_json(const struct score *s) {
     char id[33];
     for (size_t i = 0; i < sizeof s->header->session_id; i++)
         snprintf(id + 2 * i, 3, "%02x", s->header->session_id[i]);
-    metrics_each(&s->metrics, add_figure, &listing);
+    metrics_each(&s->metrics, s->knee, add_figure, &listing);
     json_t *root = json_pack("{s:s, s:b, s:I, s:s, s:{s:f, s:f}, s:o}", "session", id, "whole",
                              s->end == RESULT_CLOSED, "missing", (json_int_t)s->missing, "end",
                              s->end == RESULT_CLOSED ? "" : s->why.text, "optic", "tilt_deg",
@@ -146,7 +147,7 @@ static void print_text(const struct score *s) {
         printf("groups have no names: %s\n", s->unnamed.text);
     printf("optic %g degrees, field %g degrees\n", s->metrics.optic.tilt_deg,
            s->metrics.optic.field_deg);
-    metrics_each(&s->metrics, print_figure, (void *)s);
+    metrics_each(&s->metrics, s->knee, print_figure, (void *)s);
     if (s->missing)
         printf("missing     %" PRIu64 " steps\n", s->missing);
     if (s->end != RESULT_CLOSED)

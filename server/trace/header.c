@@ -206,6 +206,36 @@ bool checksum_matches(const uint8_t *data, size_t size, unsigned version, struct
     return matches;
 }
 
+static enum result check_settings(const struct trace_header *h, struct error *err) {
+    if (h->settings.rules > RULES_NEWEST)
+        return fail(err, RESULT_VERSION,
+                    "its session follows the rules %d, and this program knows 1 to %d",
+                    h->settings.rules, RULES_NEWEST);
+    if (h->settings.rules < 1 || !settings_are_valid(&h->settings) ||
+        !view_optic_is_valid(&h->optic) || !time_is_sane(h->start_ns) ||
+        !utc_is_sane(h->start_utc_ns))
+        return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
+    return RESULT_OK;
+}
+
+// Whose it is, and of which sessions it is a copy.
+static void read_session(struct reader *r, unsigned version, struct trace_header *h) {
+    read_array(r, h->session_id, sizeof h->session_id);
+    if (version >= 3)
+        read_array(r, h->parent, sizeof h->parent);
+    if (version >= 4)
+        read_array(r, h->parent_id, sizeof h->parent_id);
+    else if (has_parent(h)) // then all were pieces
+        memcpy(h->parent_id, h->session_id, sizeof h->parent_id);
+    read_text(r, h->station, sizeof h->station);
+    read_text(r, h->trainee, sizeof h->trainee);
+    read_text(r, h->case_name, sizeof h->case_name);
+    read_text(r, h->case_dir, sizeof h->case_dir);
+    h->case_hash = read_u64(r);
+    h->start_utc_ns = read_i64(r);
+    h->start_ns = read_i64(r);
+}
+
 enum result header_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
                           struct trace_header *h, struct error *err) {
     if (!checksum_matches(data, size, version, chain))
@@ -213,20 +243,7 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
     memset(h, 0, sizeof *h);
     struct reader r = {data, size - checksum_size(version), HEADER_PREFIX, false};
     h->version = (uint16_t)version;
-    read_array(&r, h->session_id, sizeof h->session_id);
-    if (version >= 3)
-        read_array(&r, h->parent, sizeof h->parent);
-    if (version >= 4)
-        read_array(&r, h->parent_id, sizeof h->parent_id);
-    else if (has_parent(h)) // then all were pieces
-        memcpy(h->parent_id, h->session_id, sizeof h->parent_id);
-    read_text(&r, h->station, sizeof h->station);
-    read_text(&r, h->trainee, sizeof h->trainee);
-    read_text(&r, h->case_name, sizeof h->case_name);
-    read_text(&r, h->case_dir, sizeof h->case_dir);
-    h->case_hash = read_u64(&r);
-    h->start_utc_ns = read_i64(&r);
-    h->start_ns = read_i64(&r);
+    read_session(&r, version, h);
     read_settings(&r, version, &h->settings);
     h->optic = view_optic_usual();
     if (version >= 4) {
@@ -240,13 +257,5 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
         return fail_in(err, RESULT_FORMAT, "its header: ");
     if (r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "its header has not the size of its fields");
-    if (h->settings.rules > RULES_NEWEST)
-        return fail(err, RESULT_VERSION,
-                    "its session follows the rules %d, and this program knows 1 to %d",
-                    h->settings.rules, RULES_NEWEST);
-    if (h->settings.rules < 1 || !settings_are_valid(&h->settings) ||
-        !view_optic_is_valid(&h->optic) || !time_is_sane(h->start_ns) ||
-        !utc_is_sane(h->start_utc_ns))
-        return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
-    return RESULT_OK;
+    return check_settings(h, err);
 }

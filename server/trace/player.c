@@ -16,6 +16,8 @@ static bool tell(const struct trace_player *p, const struct trace_record *record
         return !p->fault || p->fault(p->user, record->utc_ns);
     case TRACE_REMARK:
         return !p->remark || p->remark(p->user, &record->remark);
+    case TRACE_MARKER:
+        return !p->marker || p->marker(p->user, &record->marker);
     case TRACE_END:
         return !p->end || p->end(p->user, record->records, record->missing);
     case TRACE_TOUCH: // it comes again with the step at which it lands

@@ -13,6 +13,7 @@ struct trace_player {
     bool (*resume)(void *user, int64_t utc_ns);
     bool (*fault)(void *user, int64_t utc_ns);
     bool (*remark)(void *user, const struct remark *remark);
+    bool (*marker)(void *user, const struct marker *marker);
     bool (*end)(void *user, uint64_t records, uint64_t missing);
     void (*progress)(uint64_t done, uint64_t all); // bytes, after each record
 };

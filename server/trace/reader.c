@@ -259,6 +259,7 @@ static enum result follow(struct trace_reader *r, struct trace_record *record, s
     case TRACE_RESUME:
     case TRACE_REMARK:
     case TRACE_FAULT:
+    case TRACE_MARKER:
         return RESULT_OK;
     default:
         if (!r->damaged && (record->records != place->records || record->missing != place->missing))

@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-_Static_assert(FRAME_SAMPLES_MAX == 16 && sizeof(struct sample) == 80, "the sample");
+_Static_assert(FRAME_SAMPLES_MAX == 22 && sizeof(struct sample) == 80, "the sample");
 
 // An output is encoded without padding, but with a byte for each bone that is elsewhere.
 enum {
@@ -54,6 +54,9 @@ static void write_sample(struct writer *w, const struct sample *s) {
     case SAMPLE_POSE:
         write_pose(w, s->T_mockup_body);
         break;
+    case SAMPLE_FORCE:
+        write_f64(w, s->force_n);
+        break;
     default:
         write_handle(w, &s->handle);
     }
@@ -71,6 +74,9 @@ static void read_sample(struct reader *r, struct sample *out) {
         break;
     case SAMPLE_POSE:
         out->T_mockup_body = read_pose(r);
+        break;
+    case SAMPLE_FORCE:
+        out->force_n = read_f64(r);
         break;
     default:
         out->handle = read_handle(r);
@@ -189,6 +195,17 @@ size_t record_encode_remark(const struct remark *remark, struct chain *chain, ui
     return end_record(&w, chain);
 }
 
+size_t record_encode_marker(const struct marker *marker, struct chain *chain, uint8_t *out) {
+    struct writer w = begin_record(TRACE_MARKER, out);
+    write_u64(&w, marker->run);
+    write_u64(&w, marker->number);
+    write_i64(&w, marker->time_ns);
+    write_text(&w, marker->name);
+    write_text(&w, marker->device);
+    write_f64(&w, marker->value);
+    return end_record(&w, chain);
+}
+
 size_t record_encode_touch(const struct trace_touch_part *part, struct chain *chain, uint8_t *out) {
     struct writer w = begin_record(TRACE_TOUCH, out);
     write_u64(&w, part->job);
@@ -214,7 +231,7 @@ size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8
 }
 
 static unsigned last_type(unsigned version) {
-    return version >= TRACE_FIRST_WITH_FAULTS ? TRACE_TOUCH
+    return version >= TRACE_FIRST_WITH_FAULTS ? TRACE_MARKER
            : version >= 4                     ? TRACE_REMARK
            : version == 3                     ? TRACE_RESUME
                                               : TRACE_END;
@@ -264,6 +281,16 @@ static bool read_remark(struct reader *r, struct remark *out) {
     return withdrawn <= 1 && has_marker <= 1 && time_is_sane(out->time_ns) && remark_is_valid(out);
 }
 
+static bool read_marker(struct reader *r, struct marker *out) {
+    out->run = read_u64(r);
+    out->number = read_u64(r);
+    out->time_ns = read_i64(r);
+    read_text(r, out->name, sizeof out->name);
+    read_text(r, out->device, sizeof out->device);
+    out->value = read_f64(r);
+    return time_is_sane(out->time_ns) && marker_is_valid(out);
+}
+
 static bool read_step(struct reader *r, struct trace_layout layout, struct trace_record *out) {
     bool good = read_input(r, &out->input, &out->job_done) &&
                 output_decode(r, (int)layout.version, layout.rules, layout.described, &out->output);
@@ -300,6 +327,8 @@ static bool read_payload(struct reader *r, struct trace_layout layout, struct tr
         return utc_is_sane(out->utc_ns);
     case TRACE_REMARK:
         return read_remark(r, &out->remark);
+    case TRACE_MARKER:
+        return read_marker(r, &out->marker);
     case TRACE_TOUCH:
         return read_touch(r, &out->touch_part);
     default:

@@ -22,3 +22,8 @@ struct remark {
 };
 
 bool remark_is_valid(const struct remark *remark);
+
+// In one line, for programs that show texts only: what it says, where it points, whether it was
+// withdrawn.
+#define REMARK_DESCRIPTION_SIZE (REMARK_TEXT_MAX + 64)
+void remark_describe(const struct remark *remark, char out_text[REMARK_DESCRIPTION_SIZE]);

@@ -7,6 +7,7 @@
 // before it can be read.
 #pragma once
 
+#include "base/marker.h"
 #include "base/result.h"
 #include "step/optic.h"
 #include "step/session.h"
@@ -15,7 +16,7 @@
 #define TRACE_VERSION 5
 #define TRACE_OLDEST_VERSION 2    // the oldest that can be read
 #define TRACE_OLDEST_RESUMED 4    // the oldest that a resumed session can be appended to
-#define TRACE_FIRST_WITH_FAULTS 5 // the first with TRACE_FAULT and TRACE_TOUCH
+#define TRACE_FIRST_WITH_FAULTS 5 // the first with TRACE_FAULT, TRACE_TOUCH and TRACE_MARKER
 
 #define TRACE_HASH_SIZE 32
 #define TRACE_CERTIFICATE_MAX 4096
@@ -91,14 +92,23 @@ bool trace_append(struct trace_writer *writer, const struct session_input *input
 // The same for a valid remark. False if the buffer is full: the trace lacks the remark.
 bool trace_append_remark(struct trace_writer *writer, const struct remark *remark);
 
+// The same for a valid marker, with its time on the session's clock. The writer must take markers:
+// one that continues a trace of an older version does not.
+bool trace_append_marker(struct trace_writer *writer, const struct marker *marker);
+bool trace_takes_markers(const struct trace_writer *writer);
+
+// How much the caller has appended so far, and whether so much would survive a loss of power.
+uint64_t trace_position(const struct trace_writer *writer);
+bool trace_is_on_disk(const struct trace_writer *writer, uint64_t position);
+
 // Whether a writer of any process has the file.
 bool trace_is_written(const char *path);
 
 struct trace_record;
 
-// Appends a record that was read from another trace: a step or a past input with its touch, a gap
-// or a remark. It waits for the disk, so a worker must not call it. RESULT_IO: the disk is full or
-// has failed.
+// Appends a record that was read from another trace: a step or a past input with its touch, a gap,
+// a remark or a marker. It waits for the disk, so a worker must not call it. RESULT_IO: the disk is
+// full or has failed.
 enum result trace_append_record(struct trace_writer *writer, const struct trace_record *record,
                                 struct error *err);
 
@@ -135,7 +145,8 @@ enum trace_record_type {
     TRACE_RESUME = 5, // the server was started again here
     TRACE_REMARK = 6, // no input of the session
     TRACE_FAULT = 7,  // fdatasync failed here, and the bytes since the last success were rewritten
-    TRACE_TOUCH = 8   // part of what the next job to land changes of the touched surface
+    TRACE_TOUCH = 8,  // part of what the next job to land changes of the touched surface
+    TRACE_MARKER = 9  // no input of the session; its time may be before that of the step before it
 };
 
 struct trace_touch_part {
@@ -156,6 +167,7 @@ struct trace_record {
     uint64_t records;     // TRACE_END: steps recorded
     int64_t utc_ns;       // TRACE_RESUME, TRACE_FAULT: when
     struct remark remark; // TRACE_REMARK
+    struct marker marker; // TRACE_MARKER
     // TRACE_STEP, TRACE_PAST of INPUT_JOB: what the job changed of the touched surface, by offsets.
     // NULL: nothing, or it is not recorded. Valid until the next record is read.
     const struct touch_change *touch;

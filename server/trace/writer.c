@@ -116,6 +116,26 @@ bool trace_append_remark(struct trace_writer *w, const struct remark *remark) {
     return done;
 }
 
+bool trace_append_marker(struct trace_writer *w, const struct marker *marker) {
+    uint8_t data[RECORD_MAX];
+    CHECK(marker_is_valid(marker) && trace_takes_markers(w));
+    bool done = buffer_put(&w->buffer, data, record_encode_marker(marker, NULL, data));
+    wait_where_all_ends();
+    return done;
+}
+
+bool trace_takes_markers(const struct trace_writer *w) {
+    return w->version >= TRACE_FIRST_WITH_FAULTS;
+}
+
+uint64_t trace_position(const struct trace_writer *w) {
+    return buffer_head(&w->buffer);
+}
+
+bool trace_is_on_disk(const struct trace_writer *w, uint64_t position) {
+    return atomic_load(&w->synced) >= position;
+}
+
 static enum result wait_for_room(struct trace_writer *w, size_t size, struct error *err) {
     while (!buffer_has_room(&w->buffer, size)) {
         if (atomic_load(&w->failing))
@@ -149,6 +169,8 @@ enum result trace_append_record(struct trace_writer *w, const struct trace_recor
         append_past(w, record, &source);
     if (record->type == TRACE_REMARK)
         CHECK(trace_append_remark(w, &record->remark));
+    if (record->type == TRACE_MARKER)
+        CHECK(trace_append_marker(w, &record->marker));
     if (record->type == TRACE_GAP) {
         w->gap += record->missing;
         count(&w->missing, record->missing);

@@ -2,13 +2,14 @@
 // shows any moment of its source, live or recorded.
 import type { Metric } from "wire";
 import { nameOf } from "./instruments";
-import { FLEXION, GAIN, GAIN_LEAST, SPEED, toolAt, VARUS, WARP, WORKING } from "./history";
+import { FLEXION, FORCE, GAIN, GAIN_LEAST, SPEED, toolAt, VARUS, WARP, WORKING } from "./history";
 import { Panels } from "./panels";
 import { Plots, type PlotRow, type Flag, type Values } from "./plot";
 import type { Marker } from "./scene/joint";
 import { Viewport } from "./viewport";
-import { Removed } from "./removed";
+import { Removed, REMOVED_TRACES, removedLabels } from "./removed";
 import type { Change, Source } from "./source";
+import { isTechnical, technicalSwitch } from "./technical";
 import { format, text } from "./text";
 import { button, h, setText } from "./ui";
 
@@ -35,7 +36,7 @@ export class Dashboard {
   private readonly ends: (() => void)[] = [];
   private cursor: number | undefined;
   private windowS = LIVE_WINDOW_S; // 0: all
-  private flags = 0; // events and remarks that the plots have
+  private flags = 0; // events, remarks and markers that the plots have
   private pending = 0;
 
   constructor(private readonly source: Source, private readonly options: DashboardOptions = {}) {
@@ -88,6 +89,7 @@ export class Dashboard {
 
   private changed(change: Change): void {
     if (change === "session") {
+      this.plots.setLabels(REMOVED, removedLabels(this.source.session?.groups));
       this.flags = 0;
       if (!this.source.history.count && !this.source.recorded && this.time !== undefined) this.setTime(undefined);
     }
@@ -117,10 +119,12 @@ export class Dashboard {
       const from = Math.max(0, Math.min(time + this.windowS / 2, end) - this.windowS);
       this.plots.setWindow(from, from + this.windowS);
     }
-    if (this.flags !== this.source.events.length + this.source.remarks.length) {
-      this.flags = this.source.events.length + this.source.remarks.length;
+    const { events, remarks, markers } = this.source;
+    if (this.flags !== events.length + remarks.length + markers.length) {
+      this.flags = events.length + remarks.length + markers.length;
       this.plots.setFlags(flagsOf(this.source));
     }
+    this.plots.showRows(PLOT_ROWS.flatMap((_, row) => ((row !== FORCE_ROW || history.hasForce) && (!TECHNICAL_ROWS.includes(row) || isTechnical()) ? [row] : [])));
     this.panels.showTime(time);
     this.readWorking();
   }
@@ -137,6 +141,7 @@ export class Dashboard {
       return h("label", { class: "choice" }, input, h("span", {}, label));
     });
     return h("div", { class: "plots-head" }, h("span", { class: "quiet-text" }, `${text.session.working}: `, this.working, this.since),
+      technicalSwitch(text.session.technical, () => this.soon()),
       h("fieldset", { class: "segments" }, h("legend", { class: "unseen" }, text.session.windows), ...choices));
   }
 
@@ -153,7 +158,9 @@ export class Dashboard {
 }
 
 const REMOVED = 4;
-const PLACES: Record<number, number[]> = { 2: [WARP], 3: [GAIN, GAIN_LEAST], 5: [SPEED] };
+const FORCE_ROW = 6; // where there is a gauge
+const TECHNICAL_ROWS = [2, 3]; // how the method moves what is shown
+const PLACES: Record<number, number[]> = { 2: [WARP], 3: [GAIN, GAIN_LEAST], 5: [SPEED], 6: [FORCE] };
 
 function valuesOf(source: Source): Values {
   const { history } = source;
@@ -188,12 +195,10 @@ const PLOT_ROWS: PlotRow[] = [
   },
   {
     label: text.session.rows.removed, unit: text.units.mm3, digits: 0, least: 0, most: 50, step: true,
-    traces: [
-      { label: text.session.shortGroups.meniscus_medial!, colour: "--plot-4" }, { label: text.session.shortGroups.meniscus_lateral!, colour: "--plot-5" },
-      { label: text.session.otherGroups, colour: "--plot-3" },
-    ],
+    traces: ["--plot-4", "--plot-5", "--plot-3"].slice(0, REMOVED_TRACES).map((colour) => ({ label: "", colour })), // labels: of the session
   },
   { label: text.session.rows.speed, unit: text.units.mmPerSecond, digits: 0, traces: [{ label: "", colour: "--plot-1" }], least: 0, most: 20 },
+  { label: text.session.rows.force, unit: text.units.newton, digits: 1, traces: [{ label: "", colour: "--plot-3" }], least: 0, most: 5 }, // where there is a gauge
 ];
 
 const FLAG_COLOURS: Record<string, string> = {
@@ -207,5 +212,6 @@ function flagsOf(source: Source): Flag[] {
     if (colour) flags.push({ time, colour, label: text.session.events[event]! });
   }
   for (const { timeNs } of source.remarks) flags.push({ time: Number(timeNs) * 1e-9, colour: "--accent", label: "" });
+  for (const { time, words } of source.markers) flags.push({ time, colour: "--plot-3", label: words });
   return flags;
 }

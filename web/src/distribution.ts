@@ -1,5 +1,6 @@
 // A session's metrics beside those of others: where its value lies among theirs.
 import type { Metric } from "wire";
+import type { Groups } from "./groups";
 import { metricValue, subjectName } from "./panels";
 import { format, text } from "./text";
 import { empty, h, setText } from "./ui";
@@ -57,6 +58,7 @@ export function bySubject(values: readonly Value[]): [subject: string, values: V
 export interface Beside {
   distributions: readonly Distribution[];
   other: readonly Value[]; // of the session that it is compared with
+  groups: Groups | undefined; // of the session's case
 }
 
 /** Whether there is anything to see a value beside. */
@@ -70,7 +72,7 @@ export function strips(values: readonly Value[], beside: Beside): HTMLElement {
   const alone = hasOthers(known, beside.distributions) ? text.debrief.alone : "";
   if (!known.length) return empty(text.debrief.noMetrics);
   return h("div", { class: "strips" }, ...bySubject(known).map(([subject, of]) =>
-    h("section", { class: "strip-group" }, h("h3", {}, subject ? subjectName(subject) : text.debrief.wholeSession), h("dl", {}, ...of.map((value) => strip(value, beside, alone))))));
+    h("section", { class: "strip-group" }, h("h3", {}, subject ? subjectName(subject, beside.groups) : text.debrief.wholeSession), h("dl", {}, ...of.map((value) => strip(value, beside, alone))))));
 }
 
 function strip(value: Value, { distributions, other }: Beside, alone: string): HTMLElement {

@@ -1,4 +1,4 @@
-// The moments of a session in typed arrays: one moment is a row of floats (680 bytes with the usual instruments). Times are seconds
+// The moments of a session in typed arrays: one moment is a row of floats (700 bytes with the usual instruments). Times are seconds
 // since the session's start.
 import type { InstrumentMoment, Moment, ShortPose, View } from "wire";
 import { FIRST_INSTRUMENT, INSTRUMENTS, isOptic, USUAL, type Instruments } from "./instruments";
@@ -34,7 +34,8 @@ export const SPEED = NEAREST + 5;
 export const OPENING = NEAREST + 6;
 export const BUTTONS = NEAREST + 7;
 export const HAS_WARPED = NEAREST + 8;
-const TOOL_WIDTH = NEAREST + 9;
+export const FORCE = NEAREST + 9; // N; NaN: it has no gauge, or the gauge is lost
+const TOOL_WIDTH = NEAREST + 10;
 
 export const WIDTH = FIRST_TOOL + TOOL_WIDTH * INSTRUMENTS;
 
@@ -57,6 +58,7 @@ export function toolAt(instrument: number): number {
 export function newRow(): Row {
   const row = new Float32Array(WIDTH);
   row[WORKING] = -1;
+  for (let tool = 0; tool < INSTRUMENTS; tool++) row[toolAt(tool) + FORCE] = NaN;
   for (let body = 0; body < BODIES; body++) row[bodyAt(body, false)] = row[bodyAt(body, true)] = 1;
   return row;
 }
@@ -87,6 +89,7 @@ function putTool(row: Row, tool: InstrumentMoment): void {
   row[at + SPEED] = tool.speedMmS;
   row[at + OPENING] = tool.opening;
   row[at + BUTTONS] = tool.buttons;
+  row[at + FORCE] = tool.forceN ?? NaN;
 }
 
 /** A moment as a row. Bodies and instruments that it does not name stay as the row has them. */
@@ -109,13 +112,17 @@ export function pack(moment: Moment, row: Row): void {
   }
 }
 
-// The one that moves; another takes its place where that moves clearly more.
+const PARKED_MM = 40; // from all surfaces
+
+// The one that moves; another takes its place where that moves clearly more. One that lies on the table does no work.
 function working(row: Row, instruments: Instruments): number {
+  const parked = (at: number): boolean => row[at + NEAREST]! < 0 || row[at + NEAREST]! > PARKED_MM;
   const speedOf = (instrument: number): number => {
     const at = toolAt(instrument);
-    return row[at + SEEN]! < 1 || row[at + SEEN]! - 1 === LOST ? -1 : row[at + SPEED]!;
+    return row[at + SEEN]! < 1 || row[at + SEEN]! - 1 === LOST || parked(at) ? -1 : row[at + SPEED]!;
   };
   let best = row[WORKING]!;
+  if (best >= 0 && parked(toolAt(best))) best = -1;
   for (let instrument = 0; instrument < instruments.length; instrument++) {
     if (isOptic(instruments[instrument])) continue;
     const speed = speedOf(instrument);
@@ -155,7 +162,7 @@ export interface Limits {
   older: number; // of those before: one for each `spacing` seconds, which doubles as the session grows
 }
 
-/** For a live page whose time can be moved back: at 30 moments/s the last 10 minutes in full. 15 MB. */
+/** For a live page whose time can be moved back: at 30 moments/s the last 10 minutes in full. 16 MB. */
 export const LIVE_LIMITS: Limits = { recent: 36 * CHUNK_ROWS, older: 8 * CHUNK_ROWS };
 /** For a page that shows only the newest moment. */
 export const NEWEST_LIMITS: Limits = { recent: 2 * CHUNK_ROWS, older: 0 };
@@ -225,6 +232,8 @@ class Rows {
 
 export class History {
   instruments: Instruments = USUAL; // of the session; what is kept of another goes with clear
+  /** Whether a force of an instrument has come. */
+  hasForce = false;
   /** Seconds between the older moments of a limited history; 0: none has been left out. */
   spacing = 0;
   private readonly older = new Rows();
@@ -242,6 +251,7 @@ export class History {
     this.older.clear(widthOf(this.instruments));
     this.recent.clear(widthOf(this.instruments));
     this.spacing = 0;
+    this.hasForce = false;
     this.last.set(newRow());
   }
 
@@ -250,6 +260,7 @@ export class History {
     const time = Number(moment.timeNs) * 1e-9;
     if (time < this.end && this.count) return false;
     pack(moment, this.last);
+    this.hasForce ||= moment.instruments.some(({ forceN }) => forceN !== undefined);
     this.last[WORKING] = working(this.last, this.instruments);
     if (this.count && time === this.end) {
       this.recent.put(this.recent.count - 1, this.last);

@@ -1,7 +1,7 @@
 // The instruments of a session, by their place from 0: the usual five, and what its station describes.
 import { create } from "@bufbuild/protobuf";
 import { Instrument_Kind, InstrumentSchema, type Instrument } from "wire";
-import { text } from "./text";
+import { nameInWords } from "./groups";
 
 export const FIRST_INSTRUMENT = 4; // its channel
 export const INSTRUMENTS = 8; // that there may be
@@ -36,8 +36,7 @@ export function instrumentsOf(told: readonly Instrument[] | undefined): Instrume
 
 export function nameOf(instrument: Instrument | undefined): string | undefined {
   if (!instrument) return undefined;
-  const { name } = instrument;
-  return text.session.groups[name] ?? name.charAt(0).toUpperCase() + name.slice(1).replace(/[-_]/g, " ");
+  return nameInWords(instrument.name);
 }
 
 export function colourOf(instrument: Instrument, place: number): number {

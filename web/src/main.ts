@@ -4,6 +4,7 @@ import type { App, View } from "./app";
 import { browserEnvironment, Feed } from "./live";
 import { parseRoute, type Route } from "./router";
 import { frame } from "./shell";
+import { setTechnician } from "./technical";
 import { text } from "./text";
 import { broken, empty, h, loading } from "./ui";
 
@@ -45,6 +46,7 @@ const app: App = {
   signedIn(account) {
     localStorage.setItem(SIGNED_IN, "1");
     app.account = account;
+    setTechnician(account.role === "technician");
     const to = wanted || home(account);
     wanted = "";
     if (location.hash === to) void show();
@@ -159,6 +161,7 @@ async function begin(): Promise<void> {
   document.body.append(page, h("div", { id: "toasts", role: "status" }), h("div", { id: "announcements", class: "unseen", "aria-live": "polite" }));
   try {
     app.account = (await whoAmI()) ?? undefined;
+    setTechnician(app.account?.role === "technician");
   } catch {
     page.replaceChildren(broken(text.errors.unreachable, "", () => location.reload()));
     return;

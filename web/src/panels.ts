@@ -1,7 +1,8 @@
 // What a session's page says beside the pictures, in tabs: resection, events, remarks, metrics.
-import type { Metric, Resection } from "wire";
+import type { CaseGroup, Metric, Resection } from "wire";
 import { lastBefore } from "./axes";
-import type { Change, TimedEvent, Source } from "./source";
+import { groupOf, nameInWords, type Groups } from "./groups";
+import type { Change, TimedEvent, TimedMarker, Source } from "./source";
 import { resectionsAt } from "./source";
 import { format, text } from "./text";
 import { empty, fill, h, setText } from "./ui";
@@ -29,7 +30,7 @@ export class Panels {
   private time = 0;
 
   constructor(private readonly source: Source, private readonly jump: (time: number) => void,
-    private readonly metrics: (metrics: readonly Metric[]) => HTMLElement = metricsTable) {
+    private readonly metrics: (metrics: readonly Metric[]) => HTMLElement = (metrics) => metricsTable(metrics, source.session?.groups)) {
     this.bodies = Object.fromEntries(TABS.map((tab) =>
       [tab, h("div", { class: `tab-body ${tab}`, role: "tabpanel", id: `${this.id}-${tab}`, "aria-labelledby": `${this.id}-${tab}-tab`, tabindex: 0 })])) as unknown as Record<Tab, HTMLElement>;
     this.tabs = TABS.map((tab) => h("button", { type: "button", class: "tab", role: "tab", id: `${this.id}-${tab}-tab`, "aria-controls": `${this.id}-${tab}`,
@@ -44,12 +45,16 @@ export class Panels {
     if (change === "session") for (const tab of TABS) this.stale.add(tab);
     if (change === "resection") this.stale.add("resection");
     if (change === "remark") this.stale.add("remarks").add("events");
+    if (change === "device") this.stale.add("events");
     if (change === "metrics") this.stale.add("metrics");
     // A record comes faster than a list is made.
-    if (change === (this.source.recorded ? "progress" : "moment") && this.eventsShown !== this.source.events.length) this.stale.add("events");
+    if (change === (this.source.recorded ? "progress" : "moment") && this.eventsShown !== this.eventsKnown) this.stale.add("events");
     this.refresh();
   }
   private eventsShown = -1;
+  private get eventsKnown(): number {
+    return this.source.events.length + this.source.markers.length;
+  }
 
   showTime(time: number): void {
     this.time = time;
@@ -108,12 +113,13 @@ export class Panels {
     if (key === this.shown) return;
     this.shown = key;
     const worked = found.filter((resection) => resection.plannedMm3 > 0 || resection.cuts > 0);
-    fill(this.bodies.resection, ...(found.length ? (worked.length ? worked : found).map(resectionFigures) : [empty(text.session.noResection)]));
+    fill(this.bodies.resection, ...(found.length ? (worked.length ? worked : found).map((one) => resectionFigures(one, groupOf(this.source.session?.groups, one.group))) : [empty(text.session.noResection)]));
   }
 
   private refreshEvents(): void {
-    this.eventsShown = this.source.events.length;
-    const events = withBlinks(inBursts(this.source.events.filter(({ event }) => this.touches.checked || !QUIET.includes(event))));
+    this.eventsShown = this.eventsKnown;
+    const happened = withBlinks(inBursts(this.source.events.filter(({ event }) => this.touches.checked || !QUIET.includes(event))));
+    const events = withMarkers(happened, this.source.markers);
     const listed = this.source.recorded ? events : events.slice(-LIST_MOST).reverse(); // what happens now is on top
     this.eventTimes = listed.map(({ time }) => time);
     const focused = this.events.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset : undefined;
@@ -128,9 +134,10 @@ export class Panels {
     place.focus({ preventScroll: true });
   }
 
-  private event({ time, event, times, blink }: Listed): HTMLElement {
+  private event({ time, event, times, blink, words, devices }: Listed): HTMLElement {
+    const told = words ?? text.session.eventOf(blink ? text.session.blink : text.session.events[event]!, devices) + text.session.times(times);
     return h("li", {}, h("button", { type: "button", class: "event", data: { event, time: String(time) }, on: { click: () => this.jump(time) } },
-      h("time", {}, this.source.recorded ? format.tenths(time) : format.clock(time)), h("span", {}, (blink ? text.session.blink : text.session.events[event]!) + text.session.times(times))));
+      h("time", {}, this.source.recorded ? format.tenths(time) : format.clock(time)), h("span", {}, told)));
   }
 
   private refreshRemarks(): void {
@@ -152,15 +159,26 @@ export function inBursts(events: readonly TimedEvent[]): TimedEvent[] {
   let last = 0;
   for (const one of events) {
     const burst = found.at(-1);
-    if (burst?.event === one.event && one.time - last < BURST_S) found[found.length - 1] = { ...burst, times: burst.times + one.times };
+    if (burst?.event === one.event && one.time - last < BURST_S) found[found.length - 1] = { ...burst, times: burst.times + one.times, ...joined(burst, one) };
     else found.push({ ...one });
     last = one.time;
   }
   return found;
 }
 
-export interface Listed extends TimedEvent {
+const joined = ({ devices: a = [] }: TimedEvent, { devices: b = [] }: TimedEvent): Pick<TimedEvent, "devices"> =>
+  (a.length + b.length ? { devices: [...new Set([...a, ...b])] } : {});
+
+export interface Listed extends Omit<TimedEvent, "event"> {
+  event: TimedEvent["event"] | "marker";
   blink?: boolean; // lost, and back within a second
+  words?: string; // of a marker
+}
+
+/** Both by rising time. */
+export function withMarkers(events: readonly Listed[], markers: readonly TimedMarker[]): Listed[] {
+  const marked = markers.map(({ time, words }): Listed => ({ time, event: "marker", times: 1, words }));
+  return [...events, ...marked].sort((a, b) => a.time - b.time);
 }
 
 /** As many devices back as were lost within the second before: one line for both. */
@@ -181,37 +199,46 @@ function figure(label: string, value: string, unit: string, key = ""): HTMLEleme
   return h("div", { class: "figure" }, h("dt", {}, key && h("i", { class: `swatch ${key}`, "aria-hidden": "true" }), label), h("dd", {}, value, unit && h("small", {}, ` ${unit}`)));
 }
 
-export function resectionFigures(r: Resection): HTMLElement {
+export function resectionFigures(r: Resection, group: CaseGroup): HTMLElement {
   const words = text.session.resection;
-  const removed = r.removedMm3 + r.piecesMm3;
-  const mm3 = (value: number): string => format.number(value, value < 10 ? 1 : 0);
-  const head = h("div", { class: "resection-head" }, h("h2", { class: "group-name" }, text.session.groups[r.group] ?? r.group),
-    h("p", { class: "resection-main" }, h("strong", {}, mm3(removed)), ` ${text.units.mm3}`, r.plannedMm3 > 0 && h("span", { class: "quiet-text" },
-      ` · ${words.share(format.percent((r.plannedMm3 - r.underMm3) / r.plannedMm3, 0))}`)));
-  const ofPlan = r.plannedMm3 > 0 ? [
-    figure(words.planned, mm3(r.plannedMm3), text.units.mm3), figure(words.under, mm3(r.underMm3), text.units.mm3, "under"),
-    figure(words.over, mm3(r.overMm3), text.units.mm3, "over"), figure(words.damage, mm3(r.damageMm3), text.units.mm3),
+  const planned = r.plannedMm3 > 0;
+  const ofPlan = planned ? [
+    figure(words.under, mm3(r.underMm3), text.units.mm3, "under"), figure(words.over, mm3(r.overMm3), text.units.mm3, "over"),
+    figure(words.removed, mm3(r.removedMm3 + r.piecesMm3), text.units.mm3), figure(words.damage, mm3(r.damageMm3), text.units.mm3),
   ] : [];
-  return h("section", { class: "resection-group" }, head, planBar(r),
+  return h("section", { class: "resection-group" }, h("h2", { class: "group-name" }, group.label),
+    ...(planned ? ofThePlan(r) : [amount(mm3(r.removedMm3 + r.piecesMm3), words.gone)]),
     h("dl", { class: "figures" }, ...ofPlan,
-      figure(words.rim, format.number(r.rimMm, 1), text.units.mm), figure(words.step, format.number(r.stepMm, 1), text.units.mm),
+      ...(group.hasZones ? [figure(words.rim, format.number(r.rimMm, 1), text.units.mm), figure(words.step, format.number(r.stepMm, 1), text.units.mm)] : []),
       figure(words.volume, mm3(r.volumeMm3), text.units.mm3), figure(words.left, mm3(r.leftMm3), text.units.mm3),
       figure(words.touched, mm3(r.touchedUnseenMm3), text.units.mm3), figure(words.seen, mm3(r.seenUntouchedMm3), text.units.mm3),
       figure(words.cuts, format.number(r.cuts), ""), figure(words.refused, format.number(r.cutsRefused), ""),
       figure(words.pieces, format.number(r.pieces), "")),
-    r.wholeZoneMm3.length === 9 && zones(r));
+    group.hasZones && r.wholeZoneMm3.length === 9 && zones(r));
 }
 
-// What was planned and is gone, what is still there, and what went beside it.
-function planBar(r: Resection): HTMLElement | false {
-  if (!(r.plannedMm3 > 0)) return false;
-  const whole = r.plannedMm3 + r.overMm3;
-  const part = (kind: string, value: number): HTMLElement => {
-    const bar = h("i", { class: kind });
-    bar.style.flexGrow = String(Math.max(0, value) / whole);
-    return bar;
+const mm3 = (value: number): string => format.number(value, value < 10 ? 1 : 0);
+
+function amount(value: string, words: string): HTMLElement {
+  return h("p", { class: "resection-main" }, h("strong", {}, value), ` ${words}`);
+}
+
+/** What is gone of the plan, and what went beyond it, mm³. Each bar is a share of the plan, 0 to 1, so neither shrinks as the other grows. */
+export function planDone({ plannedMm3, underMm3, overMm3 }: Pick<Resection, "plannedMm3" | "underMm3" | "overMm3">) {
+  const done = Math.max(0, plannedMm3 - underMm3);
+  const share = (volume: number): number => Math.min(1, Math.max(0, volume) / plannedMm3);
+  return { done, doneShare: share(done), over: overMm3, overShare: share(overMm3) };
+}
+
+function ofThePlan(r: Resection): HTMLElement[] {
+  const words = text.session.resection;
+  const { done, doneShare, over, overShare } = planDone(r);
+  const bar = (kind: string, share: number): HTMLElement => {
+    const part = h("i", { class: kind });
+    part.style.width = `${100 * share}%`;
+    return h("div", { class: "plan-bar", "aria-hidden": "true" }, part);
   };
-  return h("div", { class: "plan-bar", "aria-hidden": "true" }, part("done", r.plannedMm3 - r.underMm3), part("under", r.underMm3), part("over", r.overMm3));
+  return [amount(mm3(done), words.ofPlan(mm3(r.plannedMm3))), bar("done", doneShare), amount(mm3(over), words.beyond), bar("over", overShare)];
 }
 
 function zones(r: Resection): HTMLElement {
@@ -242,17 +269,17 @@ export function metricValue({ value, unit }: Pick<Metric, "value" | "unit">, wit
   return withUnit ? `${format.number(value, digits)} ${text.session.units[unit] ?? unit}`.trim() : format.number(value, digits);
 }
 
-export function subjectName(subject: string): string {
-  const names = subject.split(/[ ,/]+/).map((word) => text.session.groups[word] ?? word.replaceAll("_", " "));
+export function subjectName(subject: string, groups: Groups | undefined): string {
+  const names = subject.split(/[ ,/]+/).map((word, i) => groups?.find(({ name }) => name === word)?.label ?? (i ? word.replaceAll("_", " ") : nameInWords(word)));
   return names.map((name, i) => (i ? name.toLowerCase() : name)).join(", ");
 }
 
-function metricsTable(metrics: readonly Metric[]): HTMLElement {
+function metricsTable(metrics: readonly Metric[], groups: Groups | undefined): HTMLElement {
   if (!metrics.length) return empty(text.session.noMetrics);
   const rows = metrics.filter(({ value }) => Number.isFinite(value)).map((metric) => {
     const cell = h("td", { class: "number" });
     setText(cell, metricValue(metric));
-    return h("tr", {}, h("th", { scope: "row" }, text.session.metricNames[metric.name] ?? metric.name.replaceAll("_", " ")), h("td", {}, subjectName(metric.subject)), cell);
+    return h("tr", {}, h("th", { scope: "row" }, text.session.metricNames[metric.name] ?? metric.name.replaceAll("_", " ")), h("td", {}, subjectName(metric.subject, groups)), cell);
   });
   return h("table", { class: "metrics" }, h("thead", {}, h("tr", {}, h("th", {}, text.session.metric), h("th", {}, text.session.of), h("th", { class: "number" }, text.session.value))),
     h("tbody", {}, ...rows));

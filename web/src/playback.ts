@@ -9,6 +9,7 @@ export class Player {
   playing = false;
   speed = 1;
   waiting = false; // for what has not come yet
+  atEnd = false; // and stays there as more comes
 
   /** After so many seconds of the wall's clock; `here`: up to where the record has come. */
   advance(seconds: number, here: number, complete: boolean): void {
@@ -23,12 +24,21 @@ export class Player {
   toggle(start: number, here: number, complete: boolean): void {
     this.playing = !this.playing;
     this.waiting = false;
-    if (this.playing && complete && this.time >= here) this.time = start;
+    if (this.playing && (this.atEnd || (complete && this.time >= here))) this.time = start;
+    this.atEnd = false;
   }
 
   seek(time: number, start: number, length: number): void {
     this.time = Math.min(Math.max(time, start), length);
     this.waiting = false;
+    this.atEnd = false;
+  }
+
+  /** The end of what is here, and of what is still to come. */
+  toEnd(here: number): void {
+    this.time = here;
+    this.playing = this.waiting = false;
+    this.atEnd = true;
   }
 
   /** The next faster (1) or slower (-1) speed. */
@@ -41,9 +51,9 @@ export class Player {
 const TOUCHES: readonly EventName[] = ["contact", "release"];
 const APART_S = 0.05; // two stops nearer to each other are one
 
-/** Times to jump to, ascending: remarks, and all events except touches. */
-export function stopsOf(events: readonly TimedEvent[], remarks: readonly number[]): number[] {
-  const times = [...events.filter(({ event }) => !TOUCHES.includes(event)).map(({ time }) => time), ...remarks].sort((a, b) => a - b);
+/** Times to jump to, ascending: remarks and markers, and all events except touches. */
+export function stopsOf(events: readonly TimedEvent[], said: readonly number[]): number[] {
+  const times = [...events.filter(({ event }) => !TOUCHES.includes(event)).map(({ time }) => time), ...said].sort((a, b) => a - b);
   return times.filter((time, i) => i === 0 || time - times[i - 1]! > APART_S);
 }
 

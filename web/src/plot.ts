@@ -83,6 +83,8 @@ export class Plots {
   private readonly canvas = h("canvas", { "aria-hidden": "true" }); // all but the cursor
   private readonly over = h("canvas", { "aria-hidden": "true" });
   private readonly readings: HTMLElement[][];
+  private readonly labels: HTMLElement[];
+  private shown: number[]; // the rows, by their places in all
   private readonly surface: CanvasRenderingContext2D;
   private readonly overSurface: CanvasRenderingContext2D;
   private readonly resize: ResizeObserver;
@@ -100,14 +102,15 @@ export class Plots {
   private readonly endTheme: () => void;
   private readonly colours = new Map<string, string>();
 
-  constructor(private readonly rows: PlotRow[], private readonly values: Values, words: PlotTexts) {
-    this.readings = rows.map(({ traces }) => traces.map(() => h("output", { class: "plot-reading" })));
-    const labels = rows.map((row, i) =>
+  constructor(private readonly all: PlotRow[], private readonly values: Values, words: PlotTexts) {
+    this.shown = all.map((_, i) => i);
+    this.readings = all.map(({ traces }) => traces.map(() => h("output", { class: "plot-reading" })));
+    this.labels = all.map((row, i) =>
       h("div", { class: "plot-label" }, h("span", { class: "plot-name" }, row.label, row.unit && h("small", {}, ` ${row.unit}`)),
         h("span", { class: "plot-values" }, ...row.traces.map((trace, k) => this.reading(row, trace, this.readings[i]![k]!)))));
     this.element = h("div", { class: "plots", tabindex: 0, role: "slider", "aria-label": words.name, title: words.help,
       on: { keydown: (event: KeyboardEvent) => this.key(event) } },
-      this.canvas, this.over, h("div", { class: "plot-labels" }, ...labels));
+      this.canvas, this.over, h("div", { class: "plot-labels" }, ...this.labels));
     this.surface = this.canvas.getContext("2d")!;
     this.overSurface = this.over.getContext("2d")!;
     this.over.addEventListener("pointermove", (event) => this.setCursor(this.timeAt(event.offsetX)));
@@ -128,6 +131,14 @@ export class Plots {
     this.resize.disconnect();
     this.endTheme();
     cancelAnimationFrame(this.pending);
+  }
+
+  /** The rows to show, by their places; the others hide. */
+  showRows(rows: number[]): void {
+    if (rows.join() === this.shown.join()) return;
+    this.shown = rows;
+    this.labels.forEach((label, i) => (label.hidden = !rows.includes(i)));
+    this.draw();
   }
 
   setFlags(flags: Flag[]): void {
@@ -186,6 +197,17 @@ export class Plots {
     const key = h("i", { class: "plot-key", "aria-hidden": "true" });
     key.style.background = `var(${trace.colour})`;
     return h("span", { class: "plot-value" }, row.traces.length > 1 && key, row.traces.length > 1 && h("span", { class: "plot-trace" }, trace.label), output);
+  }
+
+  /** What a row's traces are of. */
+  setLabels(row: number, labels: readonly string[]): void {
+    this.readings[row]!.forEach((output, k) => setText(output.parentElement!.querySelector<HTMLElement>(".plot-trace")!, labels[k] ?? ""));
+  }
+
+  // Of groups: those that were cut; where none was, those that this case has.
+  private showWorked(row: number, read: readonly (number | undefined)[]): void {
+    const worked = read.some((value) => value);
+    this.readings[row]!.forEach((reading, k) => setClass(reading.parentElement!, "none", worked ? !read[k] : k > 0 && read[k] === undefined));
   }
 
   private key(event: KeyboardEvent): void {
@@ -254,10 +276,10 @@ export class Plots {
     const { surface } = this;
     surface.clearRect(0, 0, this.wide, this.high);
     surface.font = "11px system-ui, sans-serif";
-    const each = (this.high - TOP - AXIS) / this.rows.length;
+    const each = (this.high - TOP - AXIS) / this.shown.length;
     this.paintTimes();
     this.paintUnknown();
-    this.rows.forEach((_, i) => this.paintRow(i, TOP + i * each, each));
+    this.shown.forEach((i, place) => this.paintRow(i, TOP + place * each, each));
     this.paintFlags();
   }
 
@@ -287,7 +309,7 @@ export class Plots {
   }
 
   private paintRow(i: number, top: number, high: number): void {
-    const row = this.rows[i]!;
+    const row = this.all[i]!;
     const { surface } = this;
     const [least, most] = this.range(i);
     const y = (value: number): number => top + high - 5 - ((value - least) / (most - least)) * (high - 10);
@@ -333,7 +355,7 @@ export class Plots {
 
   // The values in the window, and what the axis shows at least.
   private range(i: number): [number, number] {
-    const row = this.rows[i]!;
+    const row = this.all[i]!;
     let { least, most } = row;
     const widen = (values: Values, k: number): void => {
       const timeOf = (index: number): number => values.time(i, k, index);
@@ -354,7 +376,7 @@ export class Plots {
     const { surface } = this;
     const count = values.count(i, k);
     const timeOf = (index: number): number => values.time(i, k, index);
-    const step = this.rows[i]!.step === true;
+    const step = this.all[i]!.step === true;
     const gap = Math.max(GAP_S, 2 * values.spacing());
     const line = new Columns(surface, y);
     let last = NaN; // the value before
@@ -413,12 +435,14 @@ export class Plots {
   // What the cursor, or the moment that is shown, reads.
   private read(): void {
     const time = this.cursor ?? this.here ?? Infinity;
-    this.rows.forEach((row, i) => row.traces.forEach((_, k) => {
-      const index = lastBefore(this.values.count(i, k), (at) => this.values.time(i, k, at), time);
-      const reading = this.readings[i]![k]!;
-      setText(reading, format.number(index < 0 ? undefined : this.values.value(i, k, index), row.digits));
-      if (row.step && k) setClass(reading.parentElement!, "none", !this.values.count(i, k)); // a group that this case has not
-    }));
+    this.all.forEach((row, i) => {
+      const read = row.traces.map((_, k) => {
+        const index = lastBefore(this.values.count(i, k), (at) => this.values.time(i, k, at), time);
+        return index < 0 ? undefined : this.values.value(i, k, index);
+      });
+      row.traces.forEach((_, k) => setText(this.readings[i]![k]!, format.number(read[k], row.digits)));
+      if (row.step) this.showWorked(i, read);
+    });
     const shown = Math.min(time, this.to);
     this.element.setAttribute("aria-valuemin", this.from.toFixed(1));
     this.element.setAttribute("aria-valuemax", this.to.toFixed(1));
@@ -427,6 +451,6 @@ export class Plots {
   }
 
   private spoken(): string {
-    return this.rows.map((row, i) => `${row.label} ${this.readings[i]!.map((output) => output.textContent).join(", ")} ${row.unit}`).join("; ");
+    return this.shown.map((i) => `${this.all[i]!.label} ${this.readings[i]!.map((output) => output.textContent).join(", ")} ${this.all[i]!.unit}`).join("; ");
   }
 }

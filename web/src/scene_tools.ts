@@ -6,7 +6,7 @@ import { colourOf, nameOf, type Instruments } from "./instruments";
 import type { Show } from "./scene/joint";
 import { PRESETS, type PresetName } from "./scene/orbit";
 import { text } from "./text";
-import { button, h, select } from "./ui";
+import { button, drop, h, select } from "./ui";
 
 export interface ToolbarActions {
   show(show: Show): void;
@@ -59,17 +59,7 @@ export class Toolbar {
       input.checked = this.show[name];
       return h("label", { class: "switch" }, input, h("span", {}, text.session.shows[name]));
     });
-    const details = h("details", { class: "drop" }, h("summary", { class: "button" }, text.session.show), h("div", { class: "drop-panel", tabindex: -1 }, ...boxes, h("p", { class: "hint" }, text.session.sceneHelp)));
-    details.addEventListener("focusout", (event) => {
-      if (event.relatedTarget && !details.contains(event.relatedTarget as Node)) details.open = false;
-    });
-    details.addEventListener("keydown", (event) => {
-      if (event.key !== "Escape" || !details.open) return;
-      details.open = false;
-      details.querySelector("summary")!.focus();
-      event.stopPropagation();
-    });
-    return details;
+    return drop(text.session.show, [...boxes, h("p", { class: "hint" }, text.session.sceneHelp)]);
   }
 
   showLegend(name: MapName, map: ColourMap | undefined): void {

@@ -1,10 +1,11 @@
-// What a page knows of one session, live or recorded: its moments, meshes, events, remarks and figures,
+// What a page knows of one session, live or recorded: its moments, meshes, events, remarks, markers and figures,
 // each with its time. Views show any of it at any time; where it comes from is the same for all of them.
 import { create } from "@bufbuild/protobuf";
 import {
   MeshAskSchema, MeshStateSchema, Trouble_Kind, Watch_What,
-  type LiveSession, type Metric, type Moment, type Remark, type Resection,
+  type LiveSession, type Marker, type Metric, type Moment, type Place, type Remark, type Resection,
 } from "wire";
+import { lastBefore } from "./axes";
 import { History, LIVE_LIMITS, type Limits } from "./history";
 import { instrumentsOf } from "./instruments";
 import type { Feed, WatchInit } from "./live";
@@ -12,7 +13,7 @@ import type { Tissue } from "./mesh";
 import { LIVE_MESH_BYTES, Meshes, MeshHistory, type Answer } from "./meshes";
 import { sentence, text } from "./text";
 
-export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "metrics" | "progress" | "trouble";
+export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "marker" | "metrics" | "progress" | "trouble" | "device";
 
 // Of each bit of Reply.events.
 export const EVENTS = ["state", "deviceLost", "deviceBack", "contact", "release", "cut", "piece", "refused", "undone"] as const;
@@ -22,6 +23,13 @@ export interface TimedEvent {
   time: number; // s
   event: EventName;
   times: number; // how often between this moment and the one before
+  devices?: readonly string[]; // that were lost, or came back, where that is known
+}
+
+/** What a device of the station marked: a button, a coil, a register. */
+export interface TimedMarker {
+  time: number; // s; one may come late
+  words: string;
 }
 
 export interface TimedResection {
@@ -36,6 +44,8 @@ export interface RemarkChange {
 }
 
 const EVENTS_MOST = 20_000; // the oldest go
+const MARKERS_MOST = 20_000; // too
+const NAMED_S = 3; // a place comes each second, and its devices may be lost before it or after
 const RESECTIONS_MOST = 4000; // of a live session: of the older ones some go
 
 export interface Source {
@@ -46,6 +56,7 @@ export interface Source {
   readonly resections: readonly TimedResection[];
   readonly remarks: readonly Remark[]; // as they are in the end, by rising number
   readonly remarkChanges: readonly RemarkChange[]; // as they came
+  readonly markers: readonly TimedMarker[]; // by rising time
   readonly metrics: readonly Metric[];
   readonly progress: number; // of a recorded session, 0 to 1; 1: all is here
   readonly trouble: string;
@@ -96,6 +107,7 @@ export class FeedSource implements Source {
   resections: TimedResection[] = [];
   remarks: Remark[] = [];
   remarkChanges: RemarkChange[] = [];
+  markers: TimedMarker[] = [];
   metrics: Metric[] = [];
   progress = 0;
   trouble = "";
@@ -106,6 +118,7 @@ export class FeedSource implements Source {
   private readonly meshHistories = new Map<string, MeshHistory>();
   private readonly listeners = new Set<(change: Change) => void>();
   private counts: number[] | undefined; // of events, at the last moment
+  private lostDevices: ReadonlySet<string> | undefined; // at the last place
   private resectionSpacing = 0.5; // between the older figures of a live session, s
   private readonly ends: (() => void)[];
 
@@ -118,9 +131,11 @@ export class FeedSource implements Source {
       }),
       feed.on("session", (session) => this.begin(session)),
       feed.on("moment", (moment) => this.take(moment)),
+      feed.on("place", (place) => this.nameDevices(place)),
       feed.on("meshChunk", (chunk) => this.answer(this.meshes.chunk(chunk))),
       feed.on("resection", (resection) => this.addResection(resection)),
       feed.on("remark", (remark) => this.remarked(remark)),
+      feed.on("marker", (marker) => this.marked(marker)),
       feed.on("metrics", ({ metrics }) => this.set("metrics", () => (this.metrics = metrics))),
       feed.on("progress", ({ share, done }) => this.progressed(share, done)),
       feed.on("trouble", ({ text: words, kind }) => this.troubled(words, kind)),
@@ -215,9 +230,11 @@ export class FeedSource implements Source {
     this.resectionSpacing = 0.5;
     this.remarks = [];
     this.remarkChanges = [];
+    this.markers = [];
     this.metrics = [];
     this.progress = 0;
     this.counts = this.recorded ? [] : undefined;
+    this.lostDevices = undefined;
   }
 
   private take(moment: Moment): void {
@@ -288,6 +305,22 @@ export class FeedSource implements Source {
     if (this.events.length > EVENTS_MOST) this.events = this.events.slice(EVENTS_MOST / 2);
   }
 
+  // A place tells each second which devices are lost; a moment counts only how many.
+  private nameDevices({ stationNumber, devices }: Place): void {
+    if (this.recorded || stationNumber !== this.session?.stationNumber) return;
+    const lost = new Set(devices.filter((device) => device.lost).map(({ name }) => name));
+    const before = this.lostDevices;
+    this.lostDevices = lost;
+    if (!before) return;
+    const changes = { deviceLost: [...lost].filter((name) => !before.has(name)), deviceBack: [...before].filter((name) => !lost.has(name)) };
+    for (const [event, names] of Object.entries(changes)) {
+      const at = this.events.map((one) => one.event === event && !one.devices && this.history.end - one.time < NAMED_S).lastIndexOf(true);
+      if (!names.length || at < 0) continue;
+      this.events[at] = { ...this.events[at]!, devices: names };
+      this.tell("device");
+    }
+  }
+
   // One that is changed keeps its number and its time: the change is of now.
   private remarked(remark: Remark): void {
     const at = this.remarks.findIndex(({ number }) => number === remark.number);
@@ -296,6 +329,14 @@ export class FeedSource implements Source {
     if (at < 0) this.remarks.push(remark);
     else this.remarks[at] = remark;
     this.tell("remark");
+  }
+
+  private marked({ timeNs, name, device, value }: Marker): void {
+    const time = Number(timeNs) * 1e-9;
+    const at = lastBefore(this.markers.length, (index) => this.markers[index]!.time, time);
+    this.markers.splice(at + 1, 0, { time, words: text.session.markerOf(name, device, value) });
+    if (this.markers.length > MARKERS_MOST) this.markers = this.markers.slice(MARKERS_MOST / 2);
+    this.tell("marker");
   }
 
   private answer(answer: Answer | null): void {

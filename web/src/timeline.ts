@@ -119,6 +119,7 @@ export class Timeline {
       if (COLOURS[event]) look(time, () => text.session.events[event]! + text.session.times(times));
     for (const remark of this.source.remarks)
       look(Number(remark.timeNs) * 1e-9, () => `${remark.author}: ${remark.text || text.session.marker}`);
+    for (const { time, words } of this.source.markers) look(time, () => words);
     return best;
   }
 
@@ -149,6 +150,7 @@ export class Timeline {
     this.paintTouches(this.source.events, 0, BAND + BAND_HIGH + 1, "--text-quiet");
     this.paintEvents();
     this.paintRemarks();
+    this.paintMarkers();
     if (this.other) this.paintOther(this.other.source, this.other.ahead);
     this.paintTimes();
     this.paintHere();
@@ -196,6 +198,12 @@ export class Timeline {
       surface.lineTo(x + 1, BAND - 7);
       surface.fill();
     }
+  }
+
+  // What a device marked: thin lines that begin above the events.
+  private paintMarkers(): void {
+    this.surface.fillStyle = this.colour("--plot-3");
+    for (const { time } of this.source.markers) this.surface.fillRect(Math.round(this.x(time)), BAND - 12, 1, 12 + BAND_HIGH);
   }
 
   private paintOther({ history, events }: Source, ahead: number): void {

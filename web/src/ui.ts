@@ -103,6 +103,21 @@ export function button(label: string, click: (event: MouseEvent) => void, { kind
   return h("button", { type: "button", ...props, class: `button ${kind} ${props.class ?? ""}`, on: { click } }, glyph && icon(glyph), label);
 }
 
+/** A button that opens a panel of `parts`. It closes where the focus leaves it, and with Escape. */
+export function drop(label: string, parts: Child[], kind = ""): HTMLDetailsElement {
+  const details = h("details", { class: `drop ${kind}` }, h("summary", { class: "button" }, label), h("div", { class: "drop-panel", tabindex: -1 }, ...parts));
+  details.addEventListener("focusout", (event) => {
+    if (event.relatedTarget && !details.contains(event.relatedTarget as Node)) details.open = false;
+  });
+  details.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || !details.open) return;
+    details.open = false;
+    details.querySelector("summary")!.focus();
+    event.stopPropagation();
+  });
+  return details;
+}
+
 let fields = 0;
 
 /** A label over its input, with a line for a hint or for what is wrong that is there from the start. */

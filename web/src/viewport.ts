@@ -109,7 +109,7 @@ export class Viewport {
     this.knee = key;
     this.dropScene();
     fill(this.state, loading(text.session.loadingCase(session.caseName)));
-    loadKnee(session.caseName, key).then(
+    loadKnee(session.caseName, key, session.groups).then(
       (knee) => this.knee === key && this.setKnee(knee),
       () => this.knee === key && fill(this.state, broken(text.session.noCase, text.session.noCaseHint, () => {
         this.knee = "";

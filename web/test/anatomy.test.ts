@@ -1,6 +1,8 @@
 // Cases as files: what is in them comes out in millimetres, part by part.
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { CaseGroup_Kind } from "wire";
+import { told } from "./told";
 import { addNormals, outsidePlan, readKnee, type Plane } from "../src/scene/anatomy";
 
 interface Node {
@@ -65,7 +67,7 @@ test("a group is its parts one behind the other, S and S' in millimetres", async
     { name: "tibia/bone_tibia", positions: corner, triangles: [0, 1, 2] },
     { name: "acl", positions: corner, triangles: [0, 1, 2], share: [0, 0.5, 1] },
     { name: "tibia/cartilage_tibia", positions: [0, 0, 0.03, 0, 0, 0.03, 0, 0, 0.04], triangles: [2, 1, 0], warp: [0, 0, -0.003, 0, 0, 0, 0, 0, 0] },
-  ]));
+  ]), [told("tibia", CaseGroup_Kind.BONE)]);
   const [tibia, acl] = knee.groups;
   assert.equal(knee.left, true);
   assert.deepEqual([tibia!.body, tibia!.other, acl!.body, acl!.other], [1, -1, 1, 0]);
@@ -81,7 +83,7 @@ test("a group is its parts one behind the other, S and S' in millimetres", async
 
 test("a case without the mesh of a group is refused", async () => {
   const manifest = { name: "x", side: "right", groups: [{ name: "femur", body: "femur", cuttable: false }] };
-  await assert.rejects(readKnee(manifest, glb([{ name: "tibia", positions: corner, triangles: [0, 1, 2] }])), /no femur/);
+  await assert.rejects(readKnee(manifest, glb([{ name: "tibia", positions: corner, triangles: [0, 1, 2] }]), []), /no femur/);
 });
 
 test("a vertex's normal is the mean of its triangles by their areas", () => {

@@ -1,17 +1,21 @@
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
 import {
-  LiveSessionSchema, MeshChunkSchema, MetricsSchema, MomentSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, SessionState, Trouble_Kind, TroubleSchema,
+  LiveSessionSchema, MarkerSchema, MeshChunkSchema, MetricsSchema, MomentSchema, PlaceSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, SessionState, Trouble_Kind, TroubleSchema,
 } from "wire";
-import { Removed } from "../src/removed";
+import { CaseGroup_Kind, CaseGroup_Side, type CaseGroup } from "wire";
+import { told } from "./told";
+import { Removed, removedLabels } from "../src/removed";
 import { bySubject, distributionOf, quantile, spreadOf, type Distribution } from "../src/distribution";
 import { HAS_WARPED, STATE, toolAt, WARPED } from "../src/history";
 import type { Feed } from "../src/live";
 import { Tissue } from "../src/mesh";
-import { inBursts, withBlinks } from "../src/panels";
+import { inBursts, planDone, withBlinks, withMarkers } from "../src/panels";
 import { FeedSource, markerAt, noteAt, resectionsAt, type TimedEvent } from "../src/source";
 import { bandsOf, firstOf, nextStop, Player, stopsOf } from "../src/playback";
+import { text } from "../src/text";
 import { steps } from "./meshes";
 
 // ---- the time of a replay --------------------------------------------------------------------------------
@@ -104,8 +108,8 @@ class Played {
     this.listeners.get(kind)!(value as never);
   }
 
-  session(): void {
-    this.tell("session", create(LiveSessionSchema, { stationNumber: 3, id: new Uint8Array(16), caseName: "tear-radial", recorded: true, lengthNs: 10_000_000_000n }));
+  session(groups: CaseGroup[] = []): void {
+    this.tell("session", create(LiveSessionSchema, { groups, stationNumber: 3, id: new Uint8Array(16), caseName: "tear-radial", recorded: true, lengthNs: 10_000_000_000n }));
   }
   moment(time: number, events: number[] = [], state = 1): void {
     this.tell("moment", create(MomentSchema, { timeNs: BigInt(Math.round(time * 1e9)), events, state }));
@@ -138,22 +142,36 @@ test("what a cut did has the time of the moment that comes after it", () => {
   assert.equal(played.sent, 0); // nothing is asked for in a replay
 });
 
-test("removed tissue is plotted for the group that it is of, of other groups together", () => {
+test("removed tissue is plotted for each group that can be cut, beyond the traces for others together", () => {
   const played = new Played();
   const removed = new Removed(played.source);
-  played.session();
+  const [medial, lateral, plica, fold] = [
+    told("m1", CaseGroup_Kind.MENISCUS, { side: CaseGroup_Side.MEDIAL, cuttable: true, label: "Medial meniscus" }),
+    told("m2", CaseGroup_Kind.MENISCUS, { side: CaseGroup_Side.LATERAL, cuttable: true, label: "Lateral meniscus" }),
+    told("plica", CaseGroup_Kind.SYNOVIUM, { cuttable: true, label: "Medial plica" }), told("fold", CaseGroup_Kind.SYNOVIUM, { cuttable: true }),
+  ];
+  const bone = told("femur", CaseGroup_Kind.BONE);
   const cut = (time: number, group: string, removedMm3: number, piecesMm3 = 0): void => {
     played.tell("resection", create(ResectionSchema, { group, removedMm3, piecesMm3 }));
     played.moment(time);
   };
-  cut(1, "meniscus_lateral", 2);
-  cut(2, "acl", 5, 1);
-  cut(3, "meniscus_medial", 3);
-  cut(4, "cartilage_tibia", 10);
-  cut(5, "acl", 7);
-  assert.deepEqual([0, 1, 2].map((trace) => removed.of(trace).map(({ time, mm3 }) => [time, mm3])), [[[3, 3]], [[1, 2]], [[2, 6], [4, 16], [5, 17]]]);
-  played.session();
-  assert.deepEqual([0, 1, 2].map((trace) => removed.of(trace).length), [0, 0, 0]);
+  const cutAll = (): void => {
+    cut(1, "m2", 2);
+    cut(2, "plica", 5, 1);
+    cut(3, "m1", 3);
+    cut(4, "fold", 10);
+    cut(5, "plica", 7);
+  };
+  const plotted = (): number[][][] => [0, 1, 2].map((trace) => removed.of(trace).map(({ time, mm3 }) => [time, mm3]));
+  played.session([bone, medial!, plica!]);
+  cutAll();
+  assert.deepEqual(removedLabels(played.source.session?.groups), ["medial", "Medial plica"]);
+  assert.deepEqual(plotted().slice(0, 2), [[[3, 3]], [[2, 6], [5, 7]]]);
+  played.session([bone, medial!, lateral!, plica!, fold!]);
+  assert.deepEqual(plotted(), [[], [], []]);
+  cutAll();
+  assert.deepEqual(removedLabels(played.source.session?.groups), ["medial", "lateral", "other"]);
+  assert.deepEqual(plotted(), [[[3, 3]], [[1, 2]], [[2, 6], [4, 16], [5, 17]]]);
 });
 
 test("a marker is where it was at the time, and a note that is withdrawn is none from then on", () => {
@@ -175,6 +193,23 @@ test("a marker is where it was at the time, and a note that is withdrawn is none
   assert.deepEqual([0.5, 1.5, 2.5, 3.5, Infinity].map(marked), [undefined, 11, 12, undefined, undefined]);
   assert.deepEqual([0.5, 2.5, 3.5].map((time) => noteAt(source, time)?.text), [undefined, "slower", undefined]);
   assert.deepEqual(source.remarks.map(({ withdrawn }) => withdrawn), [true, true]);
+});
+
+test("a device's marker that comes late stands at its own time, and a new session has none", () => {
+  const played = new Played();
+  const { source } = played;
+  const mark = (name: string, time: number, value = 1): void =>
+    played.tell("marker", create(MarkerSchema, { number: 1n, timeNs: BigInt(time * 1e9), name, device: "pedal", value }));
+  played.session();
+  played.moment(1);
+  mark("start", 0.5);
+  mark("trial", 3, 7);
+  mark("late", 2, 0);
+  assert.deepEqual(source.markers, [{ time: 0.5, words: "start (pedal)" }, { time: 2, words: "late (pedal: 0)" }, { time: 3, words: "trial (pedal: 7)" }]);
+  const listed = withMarkers([{ time: 1, event: "cut", times: 1 }], source.markers);
+  assert.deepEqual(listed.map(({ event }) => event), ["marker", "cut", "marker", "marker"]);
+  played.session();
+  assert.equal(source.markers.length, 0);
 });
 
 test("a record that is here stays, whatever becomes of the connection", () => {
@@ -287,4 +322,55 @@ test("a value is compared only with those of its metric, subject and version", (
   assert.equal(distributionOf(all, value), undefined);
   assert.equal(distributionOf([...all, distribution()], value)?.n, 5);
   assert.deepEqual(bySubject([value, { ...value, subject: "" }, { ...value, name: "present" }]).map(([subject, of]) => [subject, of.length]), [["probe", 2], ["", 1]]);
+});
+
+test("the bar of the plan grows with what is gone of it, whatever is cut beyond", () => {
+  const steps = [[106, 0], [60, 0], [60, 40], [16, 72], [0, 72], [0, 300]].map(([underMm3, overMm3]) => planDone({ plannedMm3: 106, underMm3: underMm3!, overMm3: overMm3! }));
+  assert.deepEqual(steps.map(({ done }) => done), [0, 46, 46, 90, 106, 106]);
+  for (const [i, { doneShare, overShare }] of steps.slice(1).entries()) {
+    assert.ok(doneShare >= steps[i]!.doneShare && overShare >= steps[i]!.overShare);
+    assert.ok(doneShare <= 1 && overShare <= 1);
+  }
+  assert.equal(steps.at(-1)!.doneShare, 1);
+});
+
+test("who is at the end stays there as more comes, and plays from the beginning", () => {
+  const player = new Player();
+  player.toEnd(4);
+  assert.deepEqual([player.time, player.atEnd], [4, true]);
+  player.toEnd(9);
+  player.toggle(0, 9, false);
+  assert.deepEqual([player.time, player.playing, player.atEnd], [0, true, false]);
+  player.toEnd(9);
+  assert.equal(player.playing, false);
+  player.seek(3, 0, 20);
+  assert.deepEqual([player.time, player.atEnd], [3, false]);
+});
+
+test("a device that is lost, and comes back, has its name where a place tells it", () => {
+  const played = new Played(true);
+  const { source } = played;
+  const place = (...lost: string[]): void => played.tell("place", create(PlaceSchema, {
+    stationNumber: 3, devices: ["tracker", "encoders"].map((name) => ({ name, lost: lost.includes(name) })),
+  }));
+  const moment = (time: number, events: number[]): void => played.tell("moment", create(MomentSchema, { stationNumber: 3, timeNs: BigInt(time * 1e9), events }));
+  played.session();
+  place();
+  moment(1, [1]);
+  moment(2, [1, 1]);
+  place("tracker");
+  moment(4, [1, 1, 1]);
+  place();
+  moment(20, [1, 2, 1]);
+  assert.deepEqual(source.events.map(({ event, devices }) => [event, devices]), [["deviceLost", ["tracker"]], ["deviceBack", ["tracker"]], ["deviceLost", undefined]]);
+  place("encoders", "tracker");
+  assert.deepEqual(source.events.at(-1)!.devices, ["tracker", "encoders"]);
+  assert.deepEqual(inBursts(source.events.slice(0, 1))[0]!.devices, ["tracker"]);
+});
+
+test("figures are called the same on the pages and in reports", () => {
+  const report = readFileSync("../server/review/words.c", "utf8");
+  const enums = [...readFileSync("../server/metrics/figures.c", "utf8").matchAll(/\[(METRIC_\w+)\] = \{"(\w+)"/g)];
+  assert.ok(enums.length > 40);
+  for (const [, metric, name] of enums) assert.ok(report.includes(`[${metric}] = "${text.session.metricNames[name!]}"`), name);
 });

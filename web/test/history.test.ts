@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
 import { MomentSchema, ViewSchema, type Moment } from "wire";
 import { clockStep, lastBefore, niceStep } from "../src/axes";
-import { bodyAt, FLEXION, HAS_WARPED, History, LIVE_LIMITS, NEWEST_LIMITS, newRow, packView, SEEN, SPEED, STATE, TIP, toolAt, WARPED, WORKING } from "../src/history";
+import { bodyAt, FLEXION, FORCE, HAS_WARPED, History, LIVE_LIMITS, NEWEST_LIMITS, newRow, packView, SEEN, SPEED, STATE, TIP, toolAt, WARPED, WORKING } from "../src/history";
 
 function moment(time: number, speeds: (number | undefined)[] = [5]): Moment {
   return create(MomentSchema, {
@@ -93,6 +93,37 @@ test("the instrument that is worked with changes only for one that clearly moves
   assert.equal(working([1, 30]), 1);
   assert.equal(working([1, 0]), 1);
   assert.equal(working([1, 0, undefined, undefined, 500]), 1); // the scope is not
+});
+
+test("a tool that lies on the table is not worked with", () => {
+  const history = new History();
+  const working = (nearest: number[]): number => {
+    const next = moment(history.end + 1, nearest.map(() => 0));
+    nearest.forEach((nearestMm, i) => (next.instruments[i]!.nearestMm = nearestMm));
+    history.append(next);
+    return history.value(history.count - 1, WORKING);
+  };
+  assert.equal(working([200, 5]), 1);
+  assert.equal(working([5, 5]), 1);
+  assert.equal(working([5, -1]), 0);
+  assert.equal(working([200, 200]), -1);
+});
+
+test("a force is there while its gauge tells it", () => {
+  const history = new History();
+  history.append(moment(1));
+  assert.equal(history.hasForce, false);
+  assert.ok(Number.isNaN(history.value(0, toolAt(0) + FORCE)));
+  for (const [time, forceN] of [[2, 2.5], [3, undefined]] as const) {
+    const next = moment(time, [5, 5]);
+    next.instruments[1]!.forceN = forceN;
+    history.append(next);
+  }
+  assert.deepEqual([1, 2].map((i) => history.value(i, toolAt(1) + FORCE)), [2.5, NaN]);
+  assert.ok(history.hasForce);
+  assert.ok(Number.isNaN(history.value(1, toolAt(0) + FORCE)));
+  history.clear();
+  assert.equal(history.hasForce, false);
 });
 
 test("a station's own view moves poses, and says what is not there", () => {

@@ -2,6 +2,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Box3, Mesh, Vector3 } from "three";
+import { CaseGroup_Kind } from "wire";
+import { told } from "./told";
 import { withNormals, type Knee } from "../src/scene/anatomy";
 import { newRow, bodyAt } from "../src/history";
 import { Joint } from "../src/scene/joint";
@@ -18,7 +20,7 @@ function knee(): Knee {
   return {
     name: "x", title: "x", left: false, portals: [],
     groups: [{
-      name: "meniscus_medial", body: TIBIA, other: -1, cuttable: true, triangles, physical: surface, virtual: surface, otherShare: undefined,
+      name: "meniscus_medial", about: told("meniscus_medial", CaseGroup_Kind.MENISCUS), bone: false, body: TIBIA, other: -1, cuttable: true, triangles, physical: surface, virtual: surface, otherShare: undefined,
       cartilage: new Uint8Array(4), plan: [],
     }],
   };

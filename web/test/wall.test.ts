@@ -7,8 +7,8 @@ import type { StationState } from "../src/live";
 import { sentence } from "../src/text";
 import { parseRoute, routeTo } from "../src/router";
 import { CaseCache } from "../src/views/wall_cases";
-import { kneeParts, thin } from "../src/views/wall_knee";
-import { arrange, byUrgency, certificateWarning, grouped, quietFor, runningSeconds, short, statusOf, sumOfDevices, warningOf } from "../src/views/wall_model";
+import { kneeParts, normalsOf, thin, type Case } from "../src/views/wall_knee";
+import { arrange, byUrgency, certificateWarning, grouped, isAbsent, quietFor, runningSeconds, short, statusOf, sumOfDevices, warningOf } from "../src/views/wall_model";
 
 function state(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): StationState {
   return { number: place.stationNumber ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
@@ -22,6 +22,19 @@ test("a station stands where its connection and its session say", () => {
   assert.equal(of(true, SessionState.WAITING), "waiting");
   assert.equal(of(true, SessionState.CLOSED), "closed");
   assert.equal(statusOf(undefined), "gone");
+});
+
+test("only what no session waits for is absent", () => {
+  const of = (connected: boolean, state: SessionState): boolean => isAbsent(create(PlaceSchema, { info: { connected, state } }));
+  assert.equal(of(false, SessionState.CLOSED), true);
+  assert.equal(of(false, SessionState.RUNNING), false);
+  assert.equal(of(true, SessionState.CLOSED), false);
+  assert.equal(isAbsent(undefined), true);
+});
+
+test("one station has the page to itself", () => {
+  assert.deepEqual(arrange(1, 1128, 790), { density: "large", columns: 1 });
+  assert.equal(arrange(2, 1128, 790).columns, 2);
 });
 
 test("the server's certificate is warned of from 30 days before its end", () => {
@@ -117,6 +130,46 @@ test("a thinned surface stays near what it was, and is smaller", () => {
     assert.ok(Math.abs(far - 30) < 2, `${far}`);
   }
   assert.ok(Math.max(...small.triangles) < small.positions.length / 3);
+  const normals = normalsOf(small.positions, small.triangles);
+  for (let i = 0; i < normals.length; i += 3) {
+    const along = [0, 1, 2].reduce((sum, k) => sum + (normals[i + k]! * small.positions[i + k]!) / 30, 0);
+    assert.ok(along > 0.9, `${along}`); // outwards
+  }
+});
+
+// A triangle in a node, with a target beside another one.
+function glb(): ArrayBuffer {
+  const json = JSON.stringify({
+    nodes: [{ name: "tibia", mesh: 0 }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 }, indices: 2, targets: [{ POSITION: 0 }, { POSITION: 1 }] }], extras: { targetNames: ["maxcut", "warp"] } }],
+    accessors: [{ bufferView: 0, componentType: 5126, count: 3 }, { bufferView: 1, componentType: 5126, count: 3 }, { bufferView: 2, componentType: 5123, count: 3 }],
+    bufferViews: [{ byteOffset: 0 }, { byteOffset: 36 }, { byteOffset: 72 }],
+  });
+  const padded = new TextEncoder().encode(json.padEnd(Math.ceil(json.length / 4) * 4));
+  const buffer = new ArrayBuffer(20 + padded.length + 8 + 80);
+  const view = new DataView(buffer);
+  view.setUint32(0, 0x46546c67, true);
+  view.setUint32(12, padded.length, true);
+  new Uint8Array(buffer, 20).set(padded);
+  const data = 20 + padded.length + 8;
+  [0, 0, 0, 0.01, 0, 0, 0, 0.02, 0].forEach((value, i) => view.setFloat32(data + 4 * i, value, true));
+  for (let i = 0; i < 3; i++) view.setFloat32(data + 36 + 12 * i + 8, 0.003, true);
+  for (let i = 0; i < 3; i++) view.setUint16(data + 72 + 2 * i, i, true);
+  return buffer;
+}
+
+const groupOf = (name: string, tissue: string, own_colour = false): Case["groups"][number] =>
+  ({ name, body: name === "skin" ? "femur" : name, tissue, cuttable: tissue === "synovium", colour: "#0a0b0c", own_colour });
+
+test("a knee is shown as the patient has it", () => {
+  const [part, ...others] = kneeParts({ groups: [groupOf("tibia", "cartilage", true), groupOf("skin", "skin")] }, glb(), 1);
+  assert.equal(others.length, 0);
+  assert.deepEqual([part!.body, part!.kind, part!.colour], [1, "bone", 0x0a0b0c]);
+  assert.deepEqual([...part!.positions].map((mm) => Math.round(mm)), [0, 0, 3, 10, 0, 3, 0, 20, 3]);
+  assert.deepEqual([...part!.normals], [0, 0, 1, 0, 0, 1, 0, 0, 1]);
+  const kinds = ["bone", "meniscus", "ligament", "synovium", "other"].map((tissue) => kneeParts({ groups: [groupOf("tibia", tissue)] }, glb(), 1)[0]!.kind);
+  assert.deepEqual(kinds, ["bone", "meniscus", "ligament", "meniscus", "ligament"]);
+  assert.throws(() => kneeParts({ groups: [groupOf("femur", "bone")] }, glb(), 1), /femur has no mesh/);
 });
 
 test("bytes that are no case are refused", () => {

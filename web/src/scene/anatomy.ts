@@ -1,7 +1,10 @@
 // A case as the page has it: the surfaces of the mock-up (S) and of the patient (S'), in millimetres and
 // each in the frame of its body, from case.json and anatomy.glb (docs/ARCHITECTURE.md, A case).
 import { BufferGeometry, Mesh, type BufferAttribute, type InterleavedBufferAttribute } from "three";
+import { CaseGroup_Kind, type CaseGroup } from "wire";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
+
+import { groupOf, type Groups } from "../groups";
 
 const BODY_NAMES = ["femur", "tibia", "patella"];
 const MM_PER_M = 1000;
@@ -15,6 +18,8 @@ export interface Surface {
 
 export interface Group {
   name: string;
+  about: CaseGroup;
+  bone: boolean; // the one that its body is named after
   body: number;
   other: number; // the body that it bridges to; -1: none
   cuttable: boolean;
@@ -22,7 +27,7 @@ export interface Group {
   physical: Surface;
   virtual: Surface; // the same object where nothing is displaced
   otherShare: Float32Array | undefined; // of each vertex, 0 at its body to 1 at the other one
-  cartilage: Uint8Array; // of each vertex: 1 where the part's name says so
+  cartilage: Uint8Array; // of each vertex of a bone: 1 where the part's name says so
   plan: Plane[][]; // the planned resection: a union of convex parts in the frame of S'
 }
 
@@ -47,18 +52,18 @@ export class CaseError extends Error {}
 const kept = new Map<string, Promise<Knee>>();
 const KEPT_MOST = 4;
 
-/** Loads a case once; `key` is its name and hash. */
-export function loadKnee(name: string, key: string): Promise<Knee> {
+/** Loads a case once; `key` is its name and hash. `groups`: what the server tells of it. */
+export function loadKnee(name: string, key: string, groups: Groups): Promise<Knee> {
   let knee = kept.get(key);
   if (!knee) {
-    kept.set(key, (knee = fetchKnee(name)));
+    kept.set(key, (knee = fetchKnee(name, groups)));
     knee.catch(() => kept.delete(key));
     for (const old of [...kept.keys()].slice(0, -KEPT_MOST)) kept.delete(old);
   }
   return knee;
 }
 
-async function fetchKnee(name: string): Promise<Knee> {
+async function fetchKnee(name: string, groups: Groups): Promise<Knee> {
   const get = async (file: string): Promise<Response> => {
     const response = await fetch(`/api/v1/cases/${encodeURIComponent(name)}/${file}`);
     if (!response.ok) throw new CaseError(`${file}: ${response.status}`);
@@ -68,7 +73,7 @@ async function fetchKnee(name: string): Promise<Knee> {
     get("case.json").then((response) => response.json() as Promise<Manifest>),
     get("anatomy.glb").then((response) => response.arrayBuffer()),
   ]);
-  return readKnee(manifest, bytes);
+  return readKnee(manifest, bytes, groups);
 }
 
 type Attribute = BufferAttribute | InterleavedBufferAttribute;
@@ -79,7 +84,7 @@ interface Part {
   warp: Attribute | undefined;
 }
 
-export async function readKnee(manifest: Manifest, anatomy: ArrayBuffer): Promise<Knee> {
+export async function readKnee(manifest: Manifest, anatomy: ArrayBuffer, groups: Groups): Promise<Knee> {
   const { scene } = await new GLTFLoader().parseAsync(anatomy, "");
   const parts = new Map<string, Part[]>();
   scene.traverse((node) => {
@@ -95,11 +100,11 @@ export async function readKnee(manifest: Manifest, anatomy: ArrayBuffer): Promis
     title: manifest.title ?? manifest.name,
     left: manifest.side === "left",
     portals: manifest.portals ?? [],
-    groups: manifest.groups.map((group) => readGroup(group, parts.get(group.name) ?? [])),
+    groups: manifest.groups.map((group) => readGroup(group, parts.get(group.name) ?? [], groupOf(groups, group.name))),
   };
 }
 
-function readGroup(group: Manifest["groups"][number], parts: Part[]): Group {
+function readGroup(group: Manifest["groups"][number], parts: Part[], about: CaseGroup): Group {
   if (!parts.length) throw new CaseError(`anatomy.glb has no ${group.name}`);
   const count = parts.reduce((sum, { geometry }) => sum + geometry.getAttribute("position").count, 0);
   const physical = new Float32Array(3 * count);
@@ -120,13 +125,15 @@ function readGroup(group: Manifest["groups"][number], parts: Part[]): Group {
       }
       share[first + i] = other?.getX(i) ?? 0;
     }
-    if (name.includes("cartilage")) cartilage.fill(1, first, first + position.count);
+    if (about.kind === CaseGroup_Kind.BONE && name.includes("cartilage")) cartilage.fill(1, first, first + position.count);
     for (const vertex of geometry.index?.array ?? []) triangles[corner++] = vertex + first;
     first += position.count;
   }
   const surface = withNormals(physical, triangles);
   return {
     name: group.name,
+    about,
+    bone: group.name === group.body,
     body: BODY_NAMES.indexOf(group.body),
     other: BODY_NAMES.indexOf(group.bridges ?? ""),
     cuttable: group.cuttable,

@@ -5,10 +5,12 @@ import {
   BufferAttribute, BufferGeometry, Color, Group, Line, LineBasicMaterial, Matrix4, Mesh, MeshBasicMaterial, Object3D, Quaternion,
   RingGeometry, SphereGeometry, Vector3,
 } from "three";
+import { CaseGroup_Kind } from "wire";
 import {
   BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, LOST, NEAREST, OPENING, PENETRATION, SEEN, TIP, toolAt, WARPED,
   type History, type Row,
 } from "../history";
+import { isSkin } from "../groups";
 import { colourOf, isOptic, runs, USUAL, type Instruments } from "../instruments";
 import type { Tissue } from "../mesh";
 import type { Knee } from "./anatomy";
@@ -26,12 +28,12 @@ export interface Show {
   patella: boolean;
   ligaments: boolean;
   skin: boolean;
-  seeThrough: boolean; // bones
+  seeThrough: boolean; // the bones that hide the work: femur and patella
   map: MapName;
 }
 
 export const USUAL_SHOW: Show = {
-  ghost: false, raw: true, trails: true, femur: true, patella: true, ligaments: true, skin: false, seeThrough: false, map: "none",
+  ghost: false, raw: true, trails: true, femur: true, patella: true, ligaments: true, skin: false, seeThrough: true, map: "none",
 };
 
 export interface Marker {
@@ -127,14 +129,14 @@ export class Joint {
     const repaint = show.map !== this.show.map;
     this.show = { ...show };
     for (const surface of this.surfaces) {
-      const { name } = surface.group;
-      const bone = ["femur", "tibia", "patella"].includes(name);
-      const meniscus = surface.group.cuttable || name.startsWith("meniscus");
-      surface.shown.visible = name === "femur" ? show.femur : name === "patella" ? show.patella : name === "skin" ? show.skin
-        : bone || meniscus || show.ligaments;
-      surface.showGhost(show.ghost && surface.shown.visible && name !== "skin", this.bodies[surface.group.body]!.physical);
-      if (!bone) continue;
+      const { about, bone, body, cuttable } = surface.group;
+      const skin = isSkin(about);
+      const always = bone || cuttable || about.kind === CaseGroup_Kind.MENISCUS;
+      surface.shown.visible = bone && body === 0 ? show.femur : bone && body === 2 ? show.patella : skin ? show.skin : always || show.ligaments;
+      surface.showGhost(show.ghost && surface.shown.visible && !skin, this.bodies[body]!.physical);
+      if (!bone || body === 1) continue; // the tibia lies below the work
       const { material } = surface.shown;
+      if (material.transparent !== show.seeThrough) material.needsUpdate = true; // compiled for one of the two
       material.transparent = show.seeThrough;
       material.opacity = show.seeThrough ? 0.28 : 1;
       material.depthWrite = !show.seeThrough;
@@ -234,7 +236,7 @@ export class Joint {
     if (!surface.setTissue(tissue)) return;
     this.stale.add(surface);
     if (!number || number !== tissue.before) return;
-    for (const piece of tissue.pieces) this.pieces.add(piece, group, this.bodies[surface.group.body]!.virtual, this.inScope);
+    for (const piece of tissue.pieces) this.pieces.add(piece, surface.group.about, this.bodies[surface.group.body]!.virtual, this.inScope);
   }
 
   /** Shows something that goes with the patient's bone. */
@@ -263,7 +265,7 @@ export class Joint {
       poseMatrix(row, bodyAt(body, true), scratch).invert();
       const { x, y, z } = position.set(row[at]!, row[at + 1]!, row[at + 2]!).applyMatrix4(scratch);
       for (const surface of this.surfaces)
-        if (surface.group.body === body && surface.group.name !== "skin" && surface.measure(map, x, y, z, value)) this.stale.add(surface);
+        if (surface.group.body === body && !isSkin(surface.group.about) && surface.measure(map, x, y, z, value)) this.stale.add(surface);
     }
   }
 
@@ -294,7 +296,7 @@ export class Joint {
     for (const surface of this.surfaces) {
       const { physical, virtual } = this.bodies[surface.group.body]!;
       const greatest = surface.displace(physical.matrix, virtual.matrix);
-      if (surface.group.name !== "skin" && surface.group.other < 0) most = Math.max(most, greatest);
+      if (!isSkin(surface.group.about) && surface.group.other < 0) most = Math.max(most, greatest);
       this.stale.add(surface);
     }
     this.map = scaledTo(MAPS.displacement, most);
@@ -345,7 +347,7 @@ export class Joint {
 
   // The patient's surfaces that are shown, except the skin and what bends between two bodies.
   private touchable(): Surface[] {
-    return this.surfaces.filter(({ shown, group }) => shown.visible && group.other < 0 && group.name !== "skin");
+    return this.surfaces.filter(({ shown, group }) => shown.visible && group.other < 0 && !isSkin(group.about));
   }
 
   /** The point of a hit in the frame of its body. */

@@ -1,16 +1,11 @@
 // How tissue and steel look. One lamp goes with the eye in the overview; in the scope it is at the tip
 // and fades with distance.
 import { Color, DoubleSide, FrontSide, Matrix4, MeshPhongMaterial, type Side } from "three";
+import { CaseGroup_Kind, CaseGroup_Side, type CaseGroup } from "wire";
 import type { Colour } from "./colours";
 
-export const TISSUE: Record<string, Colour> = {
-  bone: [228, 216, 194],
-  cartilage: [226, 228, 222],
-  meniscus: [206, 190, 168],
-  cut: [226, 158, 136],
-  ligament: [228, 216, 192],
-  skin: [192, 134, 128],
-};
+const CUT: Colour = [226, 158, 136];
+const CARTILAGE: Colour = [217, 230, 232]; // of a bone's part
 
 // What the scope sees, in the light of its own lamp. A joint's lining covers what holds it from outside.
 const INSIDE: Record<string, Colour> = {
@@ -23,20 +18,24 @@ const INSIDE: Record<string, Colour> = {
 
 type Kind = "bone" | "meniscus" | "ligament" | "lining";
 
-function kindOf(group: string): Kind {
-  if (group.startsWith("meniscus")) return "meniscus";
-  if (["skin", "mcl", "lcl"].includes(group)) return "lining";
-  return ["femur", "tibia", "patella"].includes(group) ? "bone" : "ligament";
+function kindOf({ kind, side }: CaseGroup): Kind {
+  if (kind === CaseGroup_Kind.MENISCUS) return "meniscus";
+  if (kind === CaseGroup_Kind.SKIN || kind === CaseGroup_Kind.SYNOVIUM) return "lining";
+  if (kind === CaseGroup_Kind.LIGAMENT) return side === CaseGroup_Side.NONE ? "ligament" : "lining"; // a collateral one lies outside
+  return kind === CaseGroup_Kind.BONE || kind === CaseGroup_Kind.CARTILAGE ? "bone" : "ligament";
 }
 
-/** What a surface is made of, as its group's name tells; where it is `cut`, or cartilage. */
-export function tissueOf(group: string, inside: boolean, cut: boolean, cartilage: boolean): Colour {
+function rgb(colour: number): Colour {
+  return [(colour >> 16) & 255, (colour >> 8) & 255, colour & 255];
+}
+
+/** What a surface is made of; where it is `cut`, or cartilage. In the scope a case's own colours are kept. */
+export function tissueOf(group: CaseGroup, inside: boolean, cut: boolean, cartilage: boolean): Colour {
+  if (cut) return inside ? INSIDE.cut! : CUT;
+  if (!inside) return cartilage ? CARTILAGE : rgb(group.colour);
+  if (group.ownColour && !cartilage) return rgb(group.colour);
   const kind = kindOf(group);
-  const table = inside ? INSIDE : TISSUE;
-  if (cut) return table.cut!;
-  if (cartilage || (inside && kind === "bone")) return table.cartilage!;
-  if (inside) return table[kind]!;
-  return group === "skin" ? TISSUE.skin! : kind === "lining" ? TISSUE.ligament! : TISSUE[kind]!;
+  return kind === "bone" ? INSIDE.cartilage! : INSIDE[kind]!;
 }
 
 export interface Look {
@@ -61,7 +60,7 @@ const GRAINS: Record<Kind, Grain> = {
   lining: { scale: [0.36, 0.33, 0.3], rough: 0.2, more: "vessels" },
 };
 
-export function grainOf(group: string): Grain {
+export function grainOf(group: CaseGroup): Grain {
   return GRAINS[kindOf(group)];
 }
 

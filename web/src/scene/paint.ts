@@ -1,5 +1,6 @@
 // Colours of surfaces: what tissue looks like, or what a map says of each vertex.
 import { Vector3, type Matrix4 } from "three";
+import type { CaseGroup } from "wire";
 import { outsidePlan, type Group } from "./anatomy";
 import { MAPS, sample, share, type Colour, type ColourMap, type MapName } from "./colours";
 import { tissueOf } from "./materials";
@@ -69,12 +70,12 @@ function put(colours: Uint8Array, vertex: number, colour: Colour, raw = false): 
   colours[4 * vertex + 3] = raw ? 0 : 255;
 }
 
-export function paintTissue({ group: { name, cartilage }, inside, count, colours, cut }: Canvas): void {
-  for (let i = 0; i < count; i++) put(colours, i, tissueOf(name, inside, cut(i), cartilage[i] === 1), inside && cut(i));
+export function paintTissue({ group: { about, cartilage }, inside, count, colours, cut }: Canvas): void {
+  for (let i = 0; i < count; i++) put(colours, i, tissueOf(about, inside, cut(i), cartilage[i] === 1), inside && cut(i));
 }
 
 /** Of a part that came off, of which nobody says where it was cut: half raw all over. */
-export function cutColours(group: string, inside: boolean, count: number): Uint8Array {
+export function cutColours(group: CaseGroup, inside: boolean, count: number): Uint8Array {
   const colours = new Uint8Array(4 * count);
   for (let i = 0; i < count; i++) {
     put(colours, i, tissueOf(group, inside, false, false));

@@ -1,6 +1,7 @@
 // Parts that a cut took off: where they came off, from where water carries them away. They are drawn for a
 // moment only, as nobody says where they are after it.
 import { BufferAttribute, BufferGeometry, Mesh, Vector3, type Object3D } from "three";
+import type { CaseGroup } from "wire";
 import type { Piece } from "../mesh";
 import { withNormals } from "./anatomy";
 import { cutColours } from "./paint";
@@ -23,7 +24,7 @@ export class DetachedPieces {
   private parts: Part[] = [];
 
   /** A part of a group that goes with `body`, whose frame it is in. */
-  add(piece: Piece, group: string, body: Object3D, inside: boolean): void {
+  add(piece: Piece, group: CaseGroup, body: Object3D, inside: boolean): void {
     const centroid = new Vector3(...piece.centroid);
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(piece.positions.slice(), 3));

@@ -2,6 +2,7 @@
 import {
   BackSide, BufferAttribute, BufferGeometry, DynamicDrawUsage, FrontSide, Matrix4, Mesh, type MeshPhongMaterial, type Object3D,
 } from "three";
+import { isSkin } from "../groups";
 import type { Tissue } from "../mesh";
 import { addNormals, type Group } from "./anatomy";
 import type { ColourMap, MapName } from "./colours";
@@ -30,9 +31,9 @@ export class Surface {
     geometry.setAttribute("color", new BufferAttribute(new Uint8Array(4 * count), 4, true));
     geometry.setIndex(new BufferAttribute(group.triangles, 1));
     if (group.otherShare) geometry.setAttribute("share", new BufferAttribute(group.otherShare, 1));
-    const skin = group.name === "skin";
+    const skin = isSkin(group.about);
     this.shown = new Mesh(geometry, tissueMaterial({
-      grain: inScope ? grainOf(group.name) : undefined, side: inScope && skin ? BackSide : FrontSide, // the scope is in it
+      grain: inScope ? grainOf(group.about) : undefined, side: inScope && skin ? BackSide : FrontSide, // the scope is in it
       opacity: skin && !inScope ? 0.25 : 1,
     }, group.otherShare && this.other));
     this.shown.frustumCulled = false;

@@ -3,6 +3,7 @@ import type { App, View } from "../app";
 import { ApiError, part } from "../api";
 import { Dashboard } from "../dashboard";
 import { hasOthers, strips, type Distribution, type Value } from "../distribution";
+import { labelOf, type Groups } from "../groups";
 import { browserEnvironment, Feed } from "../live";
 import { routeTo } from "../router";
 import { FeedSource, resectionsAt } from "../source";
@@ -98,7 +99,7 @@ class Replay {
     const { session } = record;
     app.title(sessionTitle(session));
     this.source = FeedSource.recorded(app.feed, session.id, RATE_HZ);
-    this.metrics = new Metrics(app, record);
+    this.metrics = new Metrics(app, record, () => this.source.session?.groups);
     this.dashboard = new Dashboard(this.source, { onTime: (time) => this.transport.seek(time ?? 0), metrics: (replayed) => this.metrics.draw(replayed) });
     this.transport = new Transport(this.source);
     this.comparison = new Comparison(app, session, this.source, this.dashboard);
@@ -107,7 +108,7 @@ class Replay {
     this.ends = this.listen();
     const other = query.get("with");
     if (other) void this.comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
-    this.transport.seek(0);
+    this.transport.toEnd();
     this.show();
   }
 
@@ -129,6 +130,7 @@ class Replay {
     const show = (): void => this.show();
     return [
       source.onChange((change) => {
+        if (change === "session") this.metrics.refresh(); // groups have their labels
         if (change === "moment" && !this.cover.hidden) show();
         if (change === "progress" && source.progress === 1) transport.say(checked(source));
         if (change !== "moment") show();
@@ -192,11 +194,11 @@ function checked(source: FeedSource): { words: string; wrong: boolean } {
   let seen = false;
   for (const [group, recorded] of resectionsAt(source, Infinity)) {
     const mesh = source.tissue(group, Infinity);
-    if (!mesh) return { words: text.debrief.noMesh(text.session.groups[group] ?? group), wrong: true };
+    if (!mesh) return { words: text.debrief.noMesh(labelOf(source.session?.groups, group)), wrong: true };
     seen = true;
     const volume = mesh.volume();
     if (Math.abs(volume - recorded.volumeMm3) <= VOLUME_MM3) continue;
-    return { words: text.debrief.volumeDiffers(text.session.groups[group] ?? group, format.number(volume, 1), format.number(recorded.volumeMm3, 1)), wrong: true };
+    return { words: text.debrief.volumeDiffers(labelOf(source.session?.groups, group), format.number(volume, 1), format.number(recorded.volumeMm3, 1)), wrong: true };
   }
   return { words: seen ? text.debrief.volumeAgrees : text.debrief.whole, wrong: false };
 }
@@ -214,7 +216,7 @@ class Metrics {
   private replayed: readonly Value[] = [];
   private turn = 0;
 
-  constructor(private readonly app: App, private readonly record: Record) {
+  constructor(private readonly app: App, private readonly record: Record, private readonly groups: () => Groups | undefined) {
     const trainee = app.account?.role === "trainee";
     this.select = select(trainee ? [] : [["", text.debrief.everybody]], "", { "aria-label": text.debrief.besides, on: { change: () => void this.load() } });
     this.element = h("div", { class: "beside" }, h("label", { class: "beside-choice" }, h("span", {}, text.debrief.besides), this.select),
@@ -234,11 +236,11 @@ class Metrics {
     this.refresh();
   }
 
-  private refresh(): void {
+  refresh(): void {
     const recorded = valuesOf(this.record.results).filter(({ name }) => name !== "depth_time");
     const values = recorded.length ? recorded : this.replayed;
     setText(this.hint, hasOthers(values, this.distributions) ? text.debrief.stripsHint : text.debrief.allAlone);
-    fill(this.body, strips(values, { distributions: this.distributions, other: this.other }));
+    fill(this.body, strips(values, { distributions: this.distributions, other: this.other, groups: this.groups() }));
   }
 
   private async begin(trainee: boolean): Promise<void> {

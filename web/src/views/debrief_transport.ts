@@ -5,6 +5,7 @@ import { nextStop, Player, SPEEDS, stopsOf } from "../playback";
 import { Timeline } from "../timeline";
 import { fill, h, icon, select, setText, type IconName } from "../ui";
 
+const FOLLOW_MS = 250;
 const PICTURE_MOST_S = 1; // a page that was hidden goes on where it was
 
 export class Transport {
@@ -23,6 +24,7 @@ export class Transport {
   private pending = 0;
   private last = 0; // when the picture before was drawn
   private shown = -1;
+  private followed = 0; // when the end was last shown while more came
 
   constructor(private readonly source: FeedSource) {
     const words = text.debrief;
@@ -50,6 +52,12 @@ export class Transport {
 
   seek(time: number): void {
     this.player.seek(time, this.source.history.start, this.length);
+    this.show();
+  }
+
+  /** The outcome: as much of it as is here, and the rest as it comes. */
+  toEnd(): void {
+    this.player.toEnd(Math.max(this.source.history.end, this.source.history.start));
     this.show();
   }
 
@@ -86,11 +94,24 @@ export class Transport {
       setText(this.share, this.complete || !this.source.session ? "" : text.debrief.replaying(format.percent(this.source.progress, 0)));
       if (!this.complete) this.say({ words: "", wrong: false });
     }
+    if (this.player.atEnd) {
+      this.follow(change);
+      return;
+    }
     // The moment that is shown may be the first one, or nearer to what is wanted than the one before.
     const { history } = this.source;
     if (change !== "session" && change !== "progress" && history.count > 1) return;
     this.shown = -1;
     this.seek(Math.max(this.player.time, this.source.history.start));
+  }
+
+  // Not at each moment: drawing them all would hold up what comes.
+  private follow(change: Change): void {
+    const now = performance.now();
+    if (change === "session") this.shown = -1;
+    if (!this.complete && now - this.followed < FOLLOW_MS) return;
+    this.followed = now;
+    this.toEnd();
   }
 
   private toggle(): void {
@@ -100,7 +121,8 @@ export class Transport {
   }
 
   private jump(way: 1 | -1): void {
-    const stops = stopsOf(this.source.events, this.source.remarks.map(({ timeNs }) => Number(timeNs) * 1e-9));
+    const said = this.source.remarks.map(({ timeNs }) => Number(timeNs) * 1e-9);
+    const stops = stopsOf(this.source.events, [...said, ...this.source.markers.map(({ time }) => time)]);
     const { start, end } = this.source.history;
     // While it plays, the event that has just passed is not the one before.
     const from = way === -1 && this.player.playing ? this.player.time - 0.7 : this.player.time;
@@ -151,7 +173,7 @@ export class Transport {
       " ": () => this.toggle(), k: () => this.toggle(),
       ArrowLeft: () => this.seek(time - far), ArrowRight: () => this.seek(time + far), j: () => this.seek(time - 5), l: () => this.seek(time + 5),
       ",": () => this.step(-1), ".": () => this.step(1), p: () => this.jump(-1), n: () => this.jump(1),
-      Home: () => this.seek(0), End: () => this.seek(this.source.history.end), "+": () => this.faster(1), "-": () => this.faster(-1),
+      Home: () => this.seek(0), End: () => this.toEnd(), "+": () => this.faster(1), "-": () => this.faster(-1),
     };
     const what = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!what) return;

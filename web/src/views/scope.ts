@@ -171,7 +171,7 @@ class Scope {
     if (key === this.knee) return;
     this.knee = key;
     this.picture.say(loading(text.session.loadingCase(session.caseName)));
-    loadKnee(session.caseName, key).then(
+    loadKnee(session.caseName, key, session.groups).then(
       (knee) => this.knee === key && this.picture.canvas.isConnected && this.begin(knee),
       () => this.knee === key && this.picture.say(broken(text.session.noCase, "", () => {
         this.knee = "";
@@ -241,12 +241,20 @@ class Scope {
     this.picture.timed(now - this.drawnAt, performance.now() - (this.own?.at ?? now));
     this.drawnAt = now;
     if (seen) this.picture.say(undefined);
-    else if (this.source.history.count) this.picture.say(empty(text.scope.noScope, text.scope.noScopeHint));
+    else if (this.source.history.count) this.picture.say(this.instead());
     if (more || (seen && !optic.settled)) this.soon();
     else optic.resolution.rest(() => this.source.session && this.render(performance.now(), joint, optic));
   }
 
   // ---- words -----------------------------------------------------------------------------------------
+
+  /** Why there is no picture. */
+  private instead(): HTMLElement {
+    const words = text.scope;
+    const state = this.row[STATE];
+    if (state === SessionState.WAITING) return empty(words.notStarted, words.notStartedHint);
+    return state === SessionState.CLOSED ? empty(words.closed, words.closedHint) : empty(words.noScope, words.noScopeHint);
+  }
 
   private showState(): void {
     const { source, picture } = this;
@@ -310,6 +318,7 @@ class Scope {
     else if (event.key === ",") this.choose({ ...optic, postDeg: optic.postDeg - POST_STEP_DEG });
     else if (event.key === ".") this.choose({ ...optic, postDeg: optic.postDeg + POST_STEP_DEG });
     else if (event.key === "t") this.colour(this.map === "none" ? "mismatch" : "none");
+    else if (event.key === "?") this.picture.toggleKeys();
     else if (event.key === "Escape") location.hash = routeTo("station", [this.name]);
     else if (event.key === "s") ask({ optic, place: settings.place, map: this.map }, ({ optic: next, place, map }) => {
       this.choose(next, place);

@@ -14,6 +14,8 @@ export class Picture {
   private readonly notch = h("i", { class: "scope-notch", "aria-hidden": "true" });
   private readonly state = h("div", { class: "scope-state" });
   private readonly timing = h("p", { class: "scope-timing number", hidden: true });
+  private readonly keys = h("details", { class: "scope-keys" }, h("summary", {}, text.scope.keysTitle),
+    h("dl", {}, ...text.scope.keys.map(([key, what]) => h("div", {}, h("dt", {}, key), h("dd", {}, what)))));
   private readonly legend = h("div", { class: "legend", hidden: true });
   private readonly signs: Record<Sign, HTMLElement>;
   private readonly size: ResizeObserver;
@@ -26,8 +28,8 @@ export class Picture {
     this.signs = { stale: sign("stale"), state: sign("state"), note: sign("note"), marker: sign("marker"), source: sign("source") };
     this.round = h("div", { class: "scope-round" }, this.canvas, h("i", { class: "scope-edge", "aria-hidden": "true" }), this.notch);
     root.append(this.round, this.state, h("div", { class: "scope-top" }, this.signs.stale, this.signs.state),
-      h("div", { class: "scope-bottom" }, this.signs.marker, this.signs.note), h("div", { class: "scope-corner" }, this.signs.source, this.timing), this.legend,
-      h("h1", { class: "unseen" }, name), h("p", { class: "unseen" }, text.scope.keys));
+      h("div", { class: "scope-bottom" }, this.signs.marker, this.signs.note), h("div", { class: "scope-corner" }, this.signs.source, this.timing, this.keys), this.legend,
+      h("h1", { class: "unseen" }, name));
     this.size = new ResizeObserver(() => this.measure());
     this.size.observe(root);
     this.measure();
@@ -67,6 +69,10 @@ export class Picture {
 
   showLegend(map: MapName): void {
     showLegend(this.legend, map, map === "none" ? undefined : MAPS[map]);
+  }
+
+  toggleKeys(): void {
+    this.keys.open = !this.keys.open;
   }
 
   turnNotch(angle: number): void {

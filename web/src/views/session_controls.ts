@@ -5,7 +5,7 @@ import type { App } from "../app";
 import { NoAnswer, type CommandInit } from "../live";
 import type { Marker } from "../scene/joint";
 import { format, text } from "../text";
-import { button, confirm, explain, field, formDialog, h, select, setFault, setHint, setText } from "../ui";
+import { button, confirm, drop, explain, field, formDialog, h, select, setFault, setHint, setText } from "../ui";
 
 interface CaseRow {
   name: string;
@@ -51,8 +51,8 @@ export class SessionControls {
     };
     const { run, pause, undo, reset, stop, case: cases, assign, note, mark, unmark } = this.buttons;
     this.element = h("div", { class: "controls", role: "group", "aria-label": words.controls },
-      h("div", { class: "controls-group" }, run, pause, stop), h("div", { class: "controls-group" }, undo, reset),
-      h("div", { class: "controls-group" }, cases, assign), h("div", { class: "controls-group" }, mark, unmark, note), this.line);
+      h("div", { class: "controls-group" }, run, pause, stop), h("div", { class: "controls-group" }, undo, mark, unmark, note),
+      drop(words.more, [reset, cases, assign], "more"), this.line);
     this.setState(undefined);
     this.setMarker(undefined);
   }
@@ -83,13 +83,19 @@ export class SessionControls {
     const { state } = this;
     const open = state !== undefined && state !== SessionState.CLOSED;
     const { run, pause, stop, reset, undo, note, mark, unmark, case: cases, assign } = this.buttons;
-    const can = (button: HTMLButtonElement, may: boolean): void => void (button.disabled = !(may && this.reachable));
+    const focused = document.activeElement;
+    // What the session's state does not allow is not there; what the server cannot be told now is greyed.
+    const can = (button: HTMLButtonElement, may: boolean): void => {
+      button.hidden = !may;
+      button.disabled = !this.reachable;
+    };
     can(run, state !== SessionState.RUNNING);
     can(pause, state === SessionState.RUNNING);
     for (const one of [stop, reset, undo, note, mark]) can(one, open);
     for (const one of [cases, assign]) can(one, true);
-    can(unmark, this.marker !== undefined);
-    if (mark.disabled && mark.getAttribute("aria-pressed") === "true") this.setPicking(false);
+    can(unmark, open && this.marker !== undefined);
+    if (!open && mark.getAttribute("aria-pressed") === "true") this.setPicking(false);
+    if (focused instanceof HTMLButtonElement && focused.hidden && this.element.contains(focused)) [pause, run].find((one) => !one.hidden)!.focus();
   }
 
   setPicking(on: boolean): void {

@@ -1,5 +1,5 @@
 // #/station/NAME: one station's session, as it happens.
-import { SessionState } from "wire";
+import { SessionState, type LiveSession } from "wire";
 import type { App, View } from "../app";
 import { Dashboard } from "../dashboard";
 import { STATE } from "../history";
@@ -18,6 +18,7 @@ const STATES: Record<SessionState, [icon: IconName, words: keyof typeof text.wal
   [SessionState.PAUSED]: ["paused", "paused"],
   [SessionState.CLOSED]: ["closed", "closed"],
 };
+const idOf = ({ id }: LiveSession): string => [...id].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 const STALE: [icon: IconName, words: string] = ["gone", text.station.unknown];
 
 export const station: View = (root, route, app) => {
@@ -35,6 +36,7 @@ class StationPage {
   private readonly badge = h("span", { class: "badge state-badge" });
   private readonly clock = h("span", { class: "session-clock number" });
   private readonly about = h("p", { class: "about quiet-text" });
+  private readonly debrief = h("a", { class: "button", hidden: true }, text.station.debrief); // of the session that ended here
   private readonly stale = h("p", { class: "stale badge now" });
   private readonly note = h("p", { class: "badge act", role: "status" });
   private readonly waiting: HTMLElement;
@@ -78,7 +80,7 @@ class StationPage {
     const { name } = this;
     return h("header", { class: "station-head" },
       h("div", { class: "station-name" }, this.back("button quiet back", icon("back")), h("h1", {}, name), this.badge, this.clock, this.stale, this.note),
-      this.about, h("a", { class: "button", href: routeTo("scope", [name]) }, text.station.scope));
+      this.about, this.debrief, h("a", { class: "button", href: routeTo("scope", [name]) }, text.station.scope));
   }
 
   private back(kind: string, ...sign: Element[]): HTMLElement {
@@ -123,7 +125,9 @@ class StationPage {
     const reachable = this.app.feed.lostMs() === undefined;
     this.showBadge(old !== undefined);
     setText(this.clock, source.history.count ? format.clock(source.history.end) : "");
-    setText(this.about, session ? [session.trainee || text.station.nobody, session.caseName, text.station.strength(format.percent(session.strength, 0))].join(" · ") : "");
+    setText(this.about, session ? [session.trainee || text.station.nobody, session.caseName, text.station.shape(session.strength)].join(" · ") : "");
+    this.debrief.hidden = !session || this.state !== SessionState.CLOSED;
+    if (session) this.debrief.href = routeTo("session", [idOf(session)]);
     setText(this.stale, old ?? "");
     setText(this.note, source.note);
     this.note.hidden = !source.note;

@@ -3,10 +3,11 @@ import { Watch_What } from "wire";
 import type { App, View } from "../app";
 import type { Feed, StationState } from "../live";
 import { routeTo } from "../router";
+import { isTechnical, technicalSwitch } from "../technical";
 import { text } from "../text";
 import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText, type IconName } from "../ui";
 import { Card } from "./wall_card";
-import { arrange, byUrgency, certificateWarning, compareNames, grouped, nameOf, serverQuiet, statusOf, URGENCY_NAMES, warningOf, type Alarm, type Status, type Warning } from "./wall_model";
+import { arrange, byUrgency, certificateWarning, compareNames, grouped, isAbsent, isForTechnician, nameOf, serverQuiet, statusOf, URGENCY_NAMES, warningOf, type Alarm, type Status, type Warning } from "./wall_model";
 import { MiniScene } from "./wall_scene";
 
 const RATE_HZ = 10;
@@ -23,7 +24,8 @@ class Wall {
   private readonly list = h("ul", { class: "cards", "aria-label": text.wall.stations });
   private readonly grid = h("div", { class: "wall-grid" }, this.list);
   private readonly summary = h("p", { class: "wall-summary number" });
-  private readonly rail = attentionRail();
+  private readonly absent = absentStations();
+  private readonly rail: ReturnType<typeof attentionRail>;
   private readonly state = h("div", { class: "wall-state" });
   private readonly picture: MiniScene;
   private certificate: Warning[] = [];
@@ -33,8 +35,12 @@ class Wall {
 
   constructor(private readonly root: HTMLElement, private readonly app: App) {
     app.title(text.views.wall);
+    const technician = app.account?.role === "technician";
+    this.rail = attentionRail(technician);
+    setClass(root, "technical", isTechnical());
     root.append(h("section", { class: "wall-main" },
-      h("div", { class: "wall-head" }, h("h1", {}, text.views.wall), this.summary), h("div", { class: "wall-area" }, this.grid, this.state)), this.rail.element);
+      h("div", { class: "wall-head" }, h("h1", {}, text.views.wall), this.summary, technicalSwitch(text.wall.technical, (on) => setClass(root, "technical", on))),
+      h("div", { class: "wall-area" }, this.grid, this.state), this.absent.element), this.rail.element);
     this.picture = new MiniScene(this.grid);
     roving(this.list, () => [...this.list.querySelectorAll<HTMLElement>(".card a.name")]);
     this.ends = this.listen();
@@ -87,21 +93,23 @@ class Wall {
     const { feed } = this.app;
     const { cards, summary } = this;
     const now = feed.now();
-    const stations = ordered(feed);
+    const all = ordered(feed);
+    const stations = all.filter(({ place }) => !isAbsent(place));
     if (stations.length !== cards.size || stations.some((station) => !cards.has(station.number))) this.layOut(stations);
-    const lost = stations.length > 0 ? feed.lostMs() : undefined;
+    const lost = all.length > 0 ? feed.lostMs() : undefined;
     for (const station of stations) cards.get(station.number)!.update(station, now, lost);
-    setText(summary, lost !== undefined ? text.wall.lost(lost) : stations.length ? text.wall.summary(count(stations)) : "");
+    this.absent.show(all.filter(({ place }) => isAbsent(place)).map(nameOf));
+    setText(summary, lost !== undefined ? text.wall.lost(lost) : all.length ? text.wall.summary(count(stations)) : "");
     setClass(summary, "fault", lost !== undefined);
     const silent = lost !== undefined ? [serverQuiet(lost)] : [];
-    this.rail.show(byUrgency([...silent, ...this.certificate, ...stations.flatMap((station) => warningOf(station, now, lost !== undefined) ?? [])]), stations.length > 0);
-    showState(this.state, stations.length, feed);
+    this.rail.show(byUrgency([...silent, ...this.certificate, ...all.flatMap((station) => warningOf(station, now, lost !== undefined) ?? [])]), all.length > 0);
+    showState(this.state, all.length, stations.length, feed);
   }
 
   private layOut(stations: StationState[]): void {
     const { cards, list } = this;
     for (const [number, card] of cards) {
-      if (this.app.feed.stations.has(number)) continue;
+      if (stations.some((station) => station.number === number)) continue;
       card.item.remove();
       cards.delete(number);
     }
@@ -133,28 +141,52 @@ function count(stations: StationState[]): Record<Status, number> {
 }
 
 // What stands where the cards would: waiting, no way to the server, or no stations at all.
-function showState(state: HTMLElement, stations: number, feed: Feed): void {
-  state.hidden = stations > 0;
+function showState(state: HTMLElement, stations: number, present: number, feed: Feed): void {
+  state.hidden = present > 0;
   if (stations > 0 || feed.link.state !== "open") delete state.dataset.since;
   else state.dataset.since ??= String(feed.now());
   const none = feed.now() - Number(state.dataset.since ?? Infinity) >= SOON_MS;
-  const kind = stations > 0 ? "" : feed.link.state === "broken" ? "broken" : none ? "none" : "waiting";
+  const kind = stations > 0 ? (present > 0 ? "" : "absent") : feed.link.state === "broken" ? "broken" : none ? "none" : "waiting";
   if (state.dataset.kind === kind) return;
   state.dataset.kind = kind;
   const t = text.wall;
   if (kind === "broken") fill(state, empty(t.unreachable, t.unreachableHint));
+  else if (kind === "absent") fill(state, empty(t.allAbsent, t.allAbsentHint));
   else if (kind === "none") fill(state, empty(t.none, t.noneHint));
   else if (kind === "waiting") fill(state, loading(t.waiting));
   else fill(state);
 }
 
+// ---- beside the cards ---------------------------------------------------------------------------------
+
+// Stations that are not there, in one line.
+function absentStations(): { element: HTMLElement; show(names: string[]): void } {
+  const names = h("span", { class: "absent-names" });
+  const summary = h("summary", {});
+  const element = h("details", { class: "absent", hidden: true }, summary, names);
+  let shown = "";
+  return {
+    element,
+    show(absent) {
+      if (absent.join() === shown) return;
+      shown = absent.join();
+      element.hidden = !absent.length;
+      setText(summary, text.wall.absent(absent.length));
+      fill(names, ...absent.map((name) => h("a", { href: routeTo("station", [name]) }, name)));
+    },
+  };
+}
+
 // ---- what needs somebody ----------------------------------------------------------------------------
 
-function attentionRail(): { element: HTMLElement; show(warnings: Warning[], known: boolean): void } {
+function attentionRail(technician: boolean): { element: HTMLElement; show(warnings: Warning[], known: boolean): void } {
   const list = h("ol", { class: "attention-list" });
+  const notices = h("ol", { class: "notices-list" });
+  const folded = h("summary", {});
+  const equipment = h("details", { class: "equipment", hidden: true, open: technician }, folded, notices);
   const total = h("span", { class: "badge number" });
   const element = h("aside", { class: "attention", "aria-label": text.wall.attention },
-    h("h2", {}, text.wall.attention, total), list,
+    h("h2", {}, text.wall.attention, total), h("div", { class: "attention-body" }, list, equipment),
     h("section", { class: "key" }, h("h3", {}, text.wall.key), h("ol", {}, ...text.wall.keys.map((one) => h("li", {}, one)))));
   let shown = "";
   let urgent = new Set<string>();
@@ -173,15 +205,20 @@ function attentionRail(): { element: HTMLElement; show(warnings: Warning[], know
       if (key === shown) return;
       shown = key;
       announce(warnings);
-      const alarms = grouped(warnings);
+      const all = grouped(warnings);
+      const alarms = all.filter((alarm) => !isForTechnician(alarm));
+      const others = all.filter(isForTechnician);
       setText(total, String(alarms.length));
       const focused = document.activeElement as HTMLElement | null;
       const station = focused?.dataset.station;
-      const words = list.contains(focused) ? focused!.closest("summary")?.parentElement!.dataset.words : undefined;
-      const unfolded = new Set([...list.querySelectorAll<HTMLElement>("details[open]")].map((one) => one.dataset.words));
-      fill(list, ...alarms.map((alarm) => entry(alarm, unfolded.has(alarm.words))), known && warnings.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
-      if (station !== undefined) list.querySelector<HTMLElement>(`[data-station="${CSS.escape(station)}"]`)?.focus();
-      if (words !== undefined) list.querySelector<HTMLElement>(`[data-words="${CSS.escape(words)}"] summary`)?.focus();
+      const words = element.contains(focused) ? focused!.closest("summary")?.parentElement!.dataset.words : undefined;
+      const unfolded = new Set([...element.querySelectorAll<HTMLElement>("details[open]")].map((one) => one.dataset.words));
+      fill(list, ...alarms.map((alarm) => entry(alarm, unfolded.has(alarm.words))), known && alarms.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
+      equipment.hidden = others.length === 0;
+      setText(folded, text.wall.forTechnician(others.length));
+      fill(notices, ...others.map((alarm) => entry(alarm, unfolded.has(alarm.words))));
+      if (station !== undefined) element.querySelector<HTMLElement>(`[data-station="${CSS.escape(station)}"]`)?.focus();
+      if (words !== undefined) element.querySelector<HTMLElement>(`[data-words="${CSS.escape(words)}"] summary`)?.focus();
     },
   };
 }

@@ -13,7 +13,7 @@ interface Value {
 
 function value(label: string, title: string, kind = ""): Value {
   const figure = h("span", { class: "figure" });
-  const unit = h("span", { class: kind.includes("counted") ? "unit word" : "unit" });
+  const unit = h("span", { class: "unit" });
   const element = h("div", { class: `value ${kind}`, title }, h("dt", {}, label), h("dd", {}, figure, unit));
   return {
     element,
@@ -33,12 +33,13 @@ export class Card {
   private readonly age = h("span", { class: "age" });
   private readonly who = h("span", { class: "who" });
   private readonly what = h("span", { class: "what" });
+  private readonly done = h("p", { class: "done number" });
   private readonly values = makeValues();
   private readonly warning = h("span", { class: "warning" });
   private readonly card = h("article", { class: "card" },
     h("div", { class: "card-head" }, this.sign, this.link, this.time),
     h("div", { class: "card-scene" }, this.scene, this.age),
-    h("div", { class: "card-who" }, this.who, this.what),
+    h("div", { class: "card-who" }, this.who, this.what), this.done,
     h("dl", { class: "values" }, ...Object.values(this.values).map((one) => one.element)),
     this.warning);
 
@@ -66,6 +67,7 @@ export class Card {
     setText(this.who, place.trainee || t.nobody);
     setClass(this.who, "quiet-text", !place.trainee);
     setText(this.what, place.info?.caseName ?? "");
+    setText(this.done, t.done(place.cuts, format.number(place.removedMm3)));
     this.showValues(place, kind !== "gone");
     showWarning(this.warning, warned);
   }
@@ -78,11 +80,9 @@ export class Card {
     values.loss.set(there ? short(place.lossShare * 100, 1) : format.none, text.units.percent);
     values.clock.set(there ? `±${short((info?.clockUncertaintyUs ?? NaN) / 1000, 1)}` : format.none, text.units.ms);
     values.rate.set(there ? short(devices.slowestHz, 0) : format.none, text.units.hertz);
-    values.dropouts.set(there ? short(devices.dropouts, 0) : format.none, text.wall.dropoutsUnit);
+    values.dropouts.set(there ? short(devices.dropouts, 0) : format.none);
     values.devices.set(there ? `${devices.there}/${devices.count}` : format.none);
     setClass(values.devices.element, "bad", there && devices.there < devices.count);
-    values.cuts.set(short(place.cuts, 0), text.wall.cutsUnit(place.cuts));
-    values.removed.set(format.number(place.removedMm3), text.units.mm3);
     values.displacement.set(there ? format.number(place.warpMm, 1) : format.none, text.units.mm);
   }
 }
@@ -91,9 +91,8 @@ function makeValues() {
   const t = text.wall;
   return {
     roundTrip: value(t.roundTrip, t.titles.roundTrip), loss: value(t.loss, t.titles.loss), clock: value(t.clock, t.titles.clock, "tight"),
-    rate: value(t.rate, t.titles.rate), dropouts: value(t.dropouts, t.titles.dropouts, "counted"), devices: value(t.devices, t.titles.devices),
-    cuts: value(t.cuts, t.titles.cuts, "over counted"), removed: value(t.removed, t.titles.removed, "removed"),
-    displacement: value(t.displacement, t.titles.displacement, "over second"),
+    rate: value(t.rate, t.titles.rate), dropouts: value(t.dropouts, t.titles.dropouts), devices: value(t.devices, t.titles.devices),
+    displacement: value(t.displacement, t.titles.displacement),
   };
 }
 

@@ -16,6 +16,9 @@ export function statusOf(place: Place | undefined): Status {
   return info.state === SessionState.CLOSED ? "closed" : "waiting";
 }
 
+/** Not connected, and no session waits for it: nothing to see. */
+export const isAbsent = (place: Place | undefined): boolean => !place?.info?.connected && (place?.info?.state ?? SessionState.CLOSED) === SessionState.CLOSED;
+
 export const nameOf = (station: StationState): string => station.place?.info?.station ?? "";
 
 /** How long its session has run, in seconds; undefined without a session. */
@@ -87,6 +90,9 @@ export interface Alarm {
   stations: string[]; // none: the server itself
 }
 
+/** Notices need no instructor: whoever looks after the equipment reads them. */
+export const isForTechnician = ({ urgency }: Alarm): boolean => urgency === 1;
+
 /** In the order in which the first of each came. */
 export function grouped(warnings: readonly Warning[]): Alarm[] {
   const found = new Map<string, Alarm>();
@@ -124,7 +130,7 @@ export function arrange(count: number, width: number, height: number): Layout {
     const most = atMost(width, leastWidth);
     const rows = atMost(height, leastHeight);
     if (most * rows < count) continue;
-    return { density, columns: squarest(count, Math.ceil(count / rows), most, width, height) };
+    return { density, columns: squarest(count, Math.ceil(count / rows), Math.min(most, count), width, height) };
   }
   return { density: "tiny", columns: atMost(width, LEAST.at(-1)![1]) };
 }

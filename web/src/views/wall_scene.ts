@@ -1,33 +1,42 @@
-// Small pictures of all knees at once: one canvas over the cards, a scissor rectangle for each. Plain
+// Small pictures of all stations at once: one canvas over the cards, a scissor rectangle for each. Each shows
+// what the arthroscope sees, or the knee from outside where there is none. Menisci are as before any cut. Plain
 // WebGL, so that the wall needs no 3-D library.
-import { Validity, type ShortPose } from "wire";
+import { Validity, type Moment, type ShortPose } from "wire";
 import { part } from "../api";
 import { drawnBySoftware } from "../graphics";
+import { FIRST_INSTRUMENT, isOptic, USUAL } from "../instruments";
 import type { StationState } from "../live";
+import { cameraFieldDeg, cameraInTip, USUAL_OPTIC, type Optic } from "../scene/optic";
 import { onTheme, themeColour } from "../theme";
 import { h } from "../ui";
 import { CaseCache } from "./wall_cases";
-import { kneeParts, type CaseFile, type Part } from "./wall_knee";
+import { kneeParts, normalsOf, type Case, type Part } from "./wall_knee";
 
 const VERTEX = `#version 300 es
 uniform mat4 projection, model;
-in vec3 position;
-out vec3 seen;
+in vec3 position, normal;
+out vec3 seen, across;
 void main() {
   vec4 at = model * vec4(position, 1.0);
   seen = at.xyz;
+  across = mat3(model) * normal;
   gl_Position = projection * at;
 }`;
-// Flat faces from the derivatives: the model has no normals.
+// In the scope the light stands beside the lens and fades; from outside it comes from above.
 const FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec3 colour;
-in vec3 seen;
+uniform bool inScope;
+in vec3 seen, across;
 out vec4 pixel;
 void main() {
-  vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
-  float light = 0.42 + 0.40 * max(dot(normal, normalize(vec3(-0.4, 0.7, 0.8))), 0.0) + 0.22 * max(normal.z, 0.0);
-  pixel = vec4(colour * light, 1.0);
+  vec3 normal = normalize(across);
+  float far = length(seen);
+  float facing = max(dot(normal, -seen / far), 0.0);
+  float near = min(0.9, 420.0 / (far * far + 320.0));
+  float outside = 0.42 + 0.40 * max(dot(normal, normalize(vec3(-0.4, 0.7, 0.8))), 0.0) + 0.22 * max(normal.z, 0.0);
+  vec3 lit = colour * (inScope ? near * (0.25 + 0.75 * facing) : outside);
+  pixel = vec4(inScope ? lit + vec3(0.1) * near * pow(facing, 40.0) : lit, 1.0);
 }`;
 
 const FIELD = Math.tan((11 * Math.PI) / 180); // half the angle of view
@@ -36,12 +45,21 @@ const FAR_MM = REACH_MM / FIELD;
 const MIDDLE = [0, 6, -16];
 const SHAFT_MM = 110;
 const SHAFT_RADIUS_MM = 1.7;
+const SHAFT_SIDES = 10;
 
 // The smaller the picture the fewer triangles; a processor that draws many by itself gets few in any case.
-const FINE_MM = 3.5;
-const COARSE_MM = 6;
+const FINE_MM = 1.2;
+const COARSE_MM = 3.5;
 const FINE_FROM_PX = 110;
 const MANY = 8;
+const OUTSIDE_MM = { fine: 3.5, coarse: 6 };
+
+const OPTIC_PLACE = USUAL.findIndex(isOptic); // in every session
+const SCOPE_NEAR_MM = 0.4;
+const SCOPE_FAR_MM = 260;
+const DARK = [0.16, 0.07, 0.06]; // where no light comes back from
+const TISSUES: Record<Part["kind"], number[]> = { bone: [0.95, 0.9, 0.8], meniscus: [0.93, 0.8, 0.7], ligament: [0.92, 0.8, 0.66] };
+const STEEL = [0.72, 0.75, 0.78];
 
 interface Slot {
   station: StationState | undefined;
@@ -56,10 +74,11 @@ interface Buffers {
 
 interface Drawn extends Buffers {
   body: number;
-  soft: boolean;
+  kind: Part["kind"];
+  colour: number[] | undefined;
 }
 
-type Parts = Record<number, Part[]>; // by cell
+type Parts = (cell: number) => Part[];
 
 async function getJson<T>(path: string): Promise<T> {
   const response = await fetch(path);
@@ -67,12 +86,17 @@ async function getJson<T>(path: string): Promise<T> {
   return (await response.json()) as T;
 }
 
+// 0 to 1 each.
+function rgb(colour: number | undefined): number[] | undefined {
+  return colour === undefined ? undefined : [16, 8, 0].map((bits) => ((colour >> bits) & 255) / 255);
+}
+
 async function loadParts(name: string): Promise<Parts> {
   const base = `/api/v1/cases/${part(name)}`;
-  const [file, glb] = await Promise.all([getJson<CaseFile>(`${base}/case.json`), fetch(`${base}/anatomy.glb`)]);
+  const [told, glb] = await Promise.all([getJson<{ case: Case }>(base), fetch(`${base}/anatomy.glb`)]);
   if (!glb.ok) throw new Error(`${name}: ${glb.status}`);
   const bytes = await glb.arrayBuffer();
-  return { [COARSE_MM]: kneeParts(file, bytes, COARSE_MM), [FINE_MM]: kneeParts(file, bytes, FINE_MM) };
+  return (cell) => kneeParts(told.case, bytes, cell);
 }
 
 type Matrix = Float32Array; // 4 x 4, column by column
@@ -121,7 +145,7 @@ export class MiniScene {
     const gl = this.gl;
     const area = this.canvas.getBoundingClientRect();
     if (!gl || area.width < 1) return;
-    const boxes = slots.map(({ station, slot }) => ({ station, box: slot.getBoundingClientRect() }));
+    const boxes = slots.map(({ station, slot }) => ({ station, slot, box: slot.getBoundingClientRect() }));
     const key = boxes.map(({ station, box }) => `${station?.momentAt ?? 0} ${box.left} ${box.top} ${box.width}`).join() + [area.left, area.top, area.width, area.height, this.knees.size, devicePixelRatio].join();
     if (key === this.drawn) return;
     this.drawn = key;
@@ -133,38 +157,51 @@ export class MiniScene {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.SCISSOR_TEST);
     gl.useProgram(this.program!);
-    for (const { station, box } of boxes) {
+    for (const { station, slot, box } of boxes) {
       if (!station?.place || box.bottom < area.top || box.top > area.bottom || box.height < 1) continue;
       const rectangle = [(box.left - area.left) * scale, (area.bottom - box.bottom) * scale, box.width * scale, box.height * scale].map(Math.round);
       gl.viewport(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
       gl.scissor(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
-      this.drawStation(gl, station, box);
+      this.drawStation(gl, { station, slot }, box);
     }
   }
 
-  private drawStation(gl: WebGL2RenderingContext, station: StationState, box: DOMRect): void {
-    const moment = station.moment;
-    const knee = this.knee(station, box.height < FINE_FROM_PX || (this.bySoftware && this.many) ? COARSE_MM : FINE_MM);
+  private drawStation(gl: WebGL2RenderingContext, { station, slot }: { station: StationState; slot: HTMLElement }, box: DOMRect): void {
+    const { moment } = station;
+    const fine = box.height >= FINE_FROM_PX && !(this.bySoftware && this.many);
+    const optic = moment && scopePose(moment);
+    slot.classList.toggle("in-scope", optic !== undefined);
+    const knee = this.knee(station, optic ? (fine ? FINE_MM : COARSE_MM) : fine ? OUTSIDE_MM.fine : OUTSIDE_MM.coarse);
     if (!moment || !knee) return;
-    gl.uniformMatrix4fv(this.where("projection"), false, projection(box.width / box.height));
+    const aspect = box.width / box.height;
+    const { tiltDeg, fieldDeg } = opticOf(station);
+    const eye = optic ? inverse(times(matrixOf(optic), cameraMatrix(tiltDeg))) : VIEW;
+    if (optic) {
+      gl.clearColor(DARK[0]!, DARK[1]!, DARK[2]!, 1);
+      gl.clear(gl.COLOR_BUFFER_BIT);
+    }
+    gl.uniform1i(this.where("inScope"), optic ? 1 : 0);
+    gl.uniformMatrix4fv(this.where("projection"), false, optic ? scopeProjection(aspect, fieldDeg) : projection(aspect));
     for (const one of knee) {
       const body = moment.bodies.find(({ body }) => (body as number) === one.body);
       const pose = body?.virtualPose ?? body?.pose;
-      if (pose) this.drawPart(one, pose, this.colour(one.soft ? "--look" : "--bone"));
+      if (!pose || (one.kind === "ligament" && !optic)) continue;
+      this.drawPart(one, eye, pose, optic ? one.colour ?? TISSUES[one.kind] : this.colour(one.kind === "bone" ? "--bone" : "--look"));
     }
     for (const instrument of moment.instruments) {
       const pose = instrument.warped ?? instrument.tip;
-      if (!pose || instrument.validity === Validity.LOST) continue;
-      this.drawPart(this.shaft!, pose, this.colour(instrument.validity === Validity.HELD ? "--text-quiet" : "--accent"));
+      const isSelf = optic !== undefined && instrument.channel === FIRST_INSTRUMENT + OPTIC_PLACE;
+      if (!pose || isSelf || instrument.validity === Validity.LOST) continue;
+      this.drawPart(this.shaft!, eye, pose, optic ? STEEL : this.colour(instrument.validity === Validity.HELD ? "--text-quiet" : "--accent"));
     }
   }
 
-  private drawPart(buffers: Buffers, pose: ShortPose, colour: number[]): void {
+  private drawPart(buffers: Buffers, eye: Matrix, pose: ShortPose, colour: number[]): void {
     const gl = this.gl!;
-    gl.uniformMatrix4fv(this.where("model"), false, times(VIEW, matrixOf(pose)));
+    gl.uniformMatrix4fv(this.where("model"), false, times(eye, matrixOf(pose)));
     gl.uniform3fv(this.where("colour"), colour);
     gl.bindVertexArray(buffers.array);
-    gl.drawElements(gl.TRIANGLES, buffers.count, gl.UNSIGNED_SHORT, 0);
+    gl.drawElements(gl.TRIANGLES, buffers.count, gl.UNSIGNED_INT, 0);
   }
 
   // ---- cases ---------------------------------------------------------------------------------------
@@ -183,7 +220,7 @@ export class MiniScene {
     const knee = this.knees.get(key);
     if (knee?.hash === found.hash) return knee.drawn;
     for (const { array, buffers } of knee?.drawn ?? []) this.discard(array, buffers);
-    const drawn = found.value[cell]!.map((one) => ({ body: one.body, soft: one.soft, ...this.upload(one.positions, one.triangles) }));
+    const drawn = found.value(cell).map((one) => ({ body: one.body, kind: one.kind, colour: rgb(one.colour), ...this.upload(one) }));
     this.knees.set(key, { hash: found.hash, drawn });
     return drawn;
   }
@@ -204,11 +241,11 @@ export class MiniScene {
       gl.attachShader(program, shader);
     }
     gl.bindAttribLocation(program, 0, "position");
+    gl.bindAttribLocation(program, 1, "normal");
     gl.linkProgram(program);
     gl.enable(gl.DEPTH_TEST);
     this.places.clear();
-    const { positions, triangles } = shaft();
-    this.shaft = this.upload(positions, triangles);
+    this.shaft = this.upload(shaft());
   }
 
   private readonly places = new Map<string, WebGLUniformLocation | null>();
@@ -223,17 +260,19 @@ export class MiniScene {
     if (this.canvas.height !== height) this.canvas.height = height;
   }
 
-  private upload(positions: Float32Array, triangles: Uint16Array): Buffers {
+  private upload({ positions, normals, triangles }: Pick<Part, "positions" | "normals" | "triangles">): Buffers {
     const gl = this.gl!;
     const array = gl.createVertexArray()!;
     gl.bindVertexArray(array);
-    const buffers = [gl.createBuffer()!, gl.createBuffer()!];
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[0]!);
-    gl.bufferData(gl.ARRAY_BUFFER, positions, gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[1]!);
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+    const buffers = [positions, normals, triangles].map((values, place) => {
+      const buffer = gl.createBuffer()!;
+      const kind = place < 2 ? gl.ARRAY_BUFFER : gl.ELEMENT_ARRAY_BUFFER;
+      gl.bindBuffer(kind, buffer);
+      gl.bufferData(kind, values, gl.STATIC_DRAW);
+      if (place < 2) gl.enableVertexAttribArray(place);
+      if (place < 2) gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 0, 0);
+      return buffer;
+    });
     gl.bindVertexArray(null);
     return { array, buffers, count: triangles.length };
   }
@@ -277,8 +316,27 @@ function projection(aspect: number): Matrix {
   return Float32Array.from([(scale * fit) / aspect, 0, 0, 0, 0, scale * fit, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, (2 * far * near) / (near - far), 0]);
 }
 
+/** Where the scope is; undefined where it is lost, or there is none. */
+function scopePose({ instruments }: Moment): ShortPose | undefined {
+  const scope = instruments.find(({ channel, validity }) => channel === FIRST_INSTRUMENT + OPTIC_PLACE && validity !== Validity.LOST);
+  return scope?.warped ?? scope?.tip;
+}
+
+const opticOf = ({ place }: StationState): Optic =>
+  place?.opticViewDeg ? { tiltDeg: place.opticDeg, fieldDeg: place.opticViewDeg, postDeg: 0 } : USUAL_OPTIC;
+
+const cameraMatrix = (tiltDeg: number): Matrix => matrixOf({ q: cameraInTip({ ...USUAL_OPTIC, tiltDeg }), t: [] });
+
+// The circle that the optic sees touches the nearer sides of the slot.
+function scopeProjection(aspect: number, fieldDeg: number): Matrix {
+  const scale = 1 / Math.tan((cameraFieldDeg({ ...USUAL_OPTIC, fieldDeg }) * Math.PI) / 360);
+  const fit = Math.min(1, aspect);
+  const [near, far] = [SCOPE_NEAR_MM, SCOPE_FAR_MM];
+  return Float32Array.from([(scale * fit) / aspect, 0, 0, 0, 0, scale * fit, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, (2 * far * near) / (near - far), 0]);
+}
+
 /** T_a_b as a matrix; anything but a whole pose is the identity. */
-function matrixOf({ q, t }: ShortPose): Matrix {
+function matrixOf({ q, t }: Pick<ShortPose, "q" | "t">): Matrix {
   const [w, x, y, z] = q.length === 4 ? (q as [number, number, number, number]) : [1, 0, 0, 0];
   return Float32Array.from([
     1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y), 0,
@@ -286,6 +344,12 @@ function matrixOf({ q, t }: ShortPose): Matrix {
     2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y), 0,
     t[0] ?? 0, t[1] ?? 0, t[2] ?? 0, 1,
   ]);
+}
+
+/** Of a rotation and a shift. */
+function inverse(m: Matrix): Matrix {
+  const shift = (row: number): number => -(m[4 * row]! * m[12]! + m[4 * row + 1]! * m[13]! + m[4 * row + 2]! * m[14]!);
+  return Float32Array.from([m[0]!, m[4]!, m[8]!, 0, m[1]!, m[5]!, m[9]!, 0, m[2]!, m[6]!, m[10]!, 0, shift(0), shift(1), shift(2), 1]);
 }
 
 function times(a: Matrix, b: Matrix): Matrix {
@@ -296,15 +360,17 @@ function times(a: Matrix, b: Matrix): Matrix {
   return out;
 }
 
-/** Six-sided, from the tip at the origin back along -z. */
-function shaft(): { positions: Float32Array; triangles: Uint16Array } {
+/** From the tip at the origin back along -z. */
+function shaft(): Pick<Part, "positions" | "normals" | "triangles"> {
   const positions = [0, 0, 0];
   const triangles: number[] = [];
-  for (let i = 0; i < 6; i++) {
-    const [c, s] = [Math.cos((i * Math.PI) / 3) * SHAFT_RADIUS_MM, Math.sin((i * Math.PI) / 3) * SHAFT_RADIUS_MM];
+  for (let i = 0; i < SHAFT_SIDES; i++) {
+    const turn = (2 * i * Math.PI) / SHAFT_SIDES;
+    const [c, s] = [Math.cos(turn) * SHAFT_RADIUS_MM, Math.sin(turn) * SHAFT_RADIUS_MM];
     positions.push(c, s, -3, c, s, -SHAFT_MM);
-    const [a, b] = [1 + 2 * i, 1 + 2 * ((i + 1) % 6)];
+    const [a, b] = [1 + 2 * i, 1 + 2 * ((i + 1) % SHAFT_SIDES)];
     triangles.push(0, a, b, a, a + 1, b, b, a + 1, b + 1);
   }
-  return { positions: Float32Array.from(positions), triangles: Uint16Array.from(triangles) };
+  const shape = { positions: Float32Array.from(positions), triangles: Uint32Array.from(triangles) };
+  return { ...shape, normals: normalsOf(shape.positions, shape.triangles) };
 }

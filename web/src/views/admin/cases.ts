@@ -12,7 +12,7 @@ interface Case {
   hash: string;
   grade: string;
   grade_reason: string;
-  groups: { name: string; body: string; cuttable: boolean }[];
+  groups: { name: string; label: string; cuttable: boolean }[];
 }
 
 interface Check {
@@ -44,7 +44,7 @@ export const cases: Part = (root, app) => {
 
 // One after the other, as in a sentence.
 function cuttable({ groups = [] }: Case): string {
-  const names = groups.filter((group) => group.cuttable).map(({ name }) => text.session.groups[name] ?? name);
+  const names = groups.filter((group) => group.cuttable).map(({ label }) => label);
   return names.map((name, i) => (i ? name.toLowerCase() : name)).join(", ");
 }
 

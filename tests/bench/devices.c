@@ -167,7 +167,7 @@ static enum result bench_rates(const bool chosen[LINES], double seconds, struct 
 // Recordings, each at several rates, of which any pose is taken for noise; and how much of 2 mm of
 // noise is noticed at the least.
 static void bench_noise(struct report *report) {
-    static struct noise_row rows[NOISE_ROWS_MAX];
+    static struct noise_row rows[NOISE_ROWS];
     const char *data = getenv("ARTHRON_DATA");
     int count = noise_table(data ? data : DATA, rows), false_flags = 0;
     double least = 1;
@@ -179,8 +179,8 @@ static void bench_noise(struct report *report) {
         false_flags += rows[i].clean > 0;
         least = fmin(least, rows[i].noisy);
     }
-    report_figure(report, count, "recordings", "noise/recordings at a rate");
-    report_figure(report, least, "poses", "noise/least share noticed of 2 mm");
+    report_mark(report, "noise_recordings", count, "recordings at a rate", NOISE_ROWS, BETTER_HIGH);
+    report_mark(report, "noise_noticed_share_min", least, "1", 0.5, BETTER_HIGH);
     report_mark(report, "false_noise_flags", false_flags, "recordings", 0, BETTER_LOW);
 }
 
@@ -200,7 +200,11 @@ enum result bench_devices(const struct bench_options *options, struct report *re
         return result;
     bool timed = chosen[MODBUS_TCP] && chosen[TRACKER];
     struct bench_time *time = timed ? bench_time_start(options->quick) : NULL;
+    struct bench_out *out = options->input_count ? NULL : bench_out_start(options->quick);
     result = bench_faults(chosen, options->quick, report, err);
     enum result of_time = time ? bench_time_end(&time, report, err) : RESULT_OK;
-    return result == RESULT_OK ? of_time : result;
+    enum result of_out = out ? bench_out_end(&out, report, err) : RESULT_OK;
+    if (result == RESULT_OK)
+        result = of_time;
+    return result == RESULT_OK ? of_out : result;
 }

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "bench.h"
-#include "device/runner.h"
 #include "mockup.h"
+#include "samples/runner.h"
 
 enum line {
     MODBUS_TCP,
@@ -33,6 +33,11 @@ enum result bench_slaves(const bool chosen[LINES], bool quick, struct report *re
 struct bench_time;
 struct bench_time *bench_time_start(bool quick);
 enum result bench_time_end(struct bench_time **time, struct report *report, struct error *err);
+
+// What clients of OpenIGTLink miss of the poses that are sent to them; beside another part, too.
+struct bench_out;
+struct bench_out *bench_out_start(bool quick);
+enum result bench_out_end(struct bench_out **out, struct report *report, struct error *err);
 
 // Each fault that the mock-up knows, one after the other, on all lines of it that are chosen, at
 // once.

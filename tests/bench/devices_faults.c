@@ -13,14 +13,22 @@
 // any way and whose reports have neither number nor time) none that anyone could tell.
 static const struct planned {
     const char *what, *modbus, *tracker, *hid; // values, "-": the fault takes none
+    bool slow;                                 // to recover from
 } plan[] = {
-    {"dropout", "-", "-", "-"},  {"freeze", "-", "-"},
-    {"jump", "60", "200"},       {"noise", "10", "10"},
-    {"nan", "-", "-"},           {"late", "120", "400"},
-    {"stale", "2000", "2000"},   {"junk", "-", "-", "-"},
-    {"wrong-slave", "-", NULL},  {"unplug", "-", "-", "-"},
-    {"clock-step", NULL, "3"},   {"clock-drift", NULL, "0.5"},
-    {"newer-version", "-", "-"}, {"half-message", "-", "-", "-"},
+    {"dropout", "-", "-", "-"},
+    {"freeze", "-", "-"},
+    {"jump", "60", "200"},
+    {"noise", "10", "10"},
+    {"nan", "-", "-"},
+    {"late", "120", "400"},
+    {"stale", "2000", "2000"},
+    {"junk", "-", "-", "-"},
+    {"wrong-slave", "-", NULL},
+    {"unplug", "-", "-", "-"},
+    {"clock-step", NULL, "3", .slow = true},
+    {"clock-drift", NULL, "0.5", .slow = true},
+    {"newer-version", "-", "-"},
+    {"half-message", "-", "-", "-"},
 };
 
 enum { FAULTS = sizeof plan / sizeof plan[0] };
@@ -55,7 +63,7 @@ struct watched {
 };
 
 struct times {
-    double fault_s, pause_s;
+    double fault_s, pause_s, slow_pause_s;
 };
 
 void sleep_until(int64_t time_ns) {
@@ -64,7 +72,10 @@ void sleep_until(int64_t time_ns) {
 }
 
 static double begin_of(const struct times *t, int fault) {
-    return first_s + fault * (t->fault_s + t->pause_s);
+    double s = first_s;
+    for (int i = 0; i < fault; i++)
+        s += t->fault_s + (plan[i].slow ? t->slow_pause_s : t->pause_s);
+    return s;
 }
 
 // ---- the script ----
@@ -284,7 +295,7 @@ static enum result run_script(const bool chosen[LINES], const struct scene *scen
 
 enum result bench_faults(const bool chosen[LINES], bool quick, struct report *report,
                          struct error *err) {
-    const struct times times = quick ? (struct times){0.5, 1.8} : (struct times){1, 4};
+    const struct times times = quick ? (struct times){0.5, 1.2, 1.9} : (struct times){1, 4, 4};
     char folder[FOLDER_MAX];
     struct played played;
     folder_make(folder);

@@ -73,14 +73,16 @@ static enum result measure_line(const char *name, const char *key, const char *l
         report_figure(report, both_hz[i], "readings/s", "%s/slave %d/shared", name, i + 1);
         report_figure(report, beside_hz[i], "readings/s", "%s/slave %d/beside a dead one", name,
                       i + 1);
-        *share = fmin(*share, both_hz[i] / (alone_hz[i] / 2));
+        *share = alone_hz[i] > 0 ? fmin(*share, both_hz[i] / (alone_hz[i] / 2)) : 0;
+        if (beside_hz[DEAD] > 0)
+            return fail(err, RESULT_INVALID, "%s: a slave answers that is not there", name);
     }
     return result;
 }
 
 enum result bench_slaves(const bool chosen[LINES], bool quick, struct report *report,
                          struct error *err) {
-    double seconds = quick ? 1 : 5, share = INFINITY;
+    double seconds = quick ? 0.7 : 5, share = INFINITY;
     struct mockup m;
     if (!chosen[MODBUS_TCP] && !chosen[MODBUS_RTU])
         return RESULT_OK;

@@ -1,5 +1,5 @@
 // Recordings of hands, set down beside lesions: how much the warp changes from frame to frame.
-#include "device/recording.h"
+#include "drivers/recording.h"
 #include "fidelity.h"
 
 #include <stdio.h>

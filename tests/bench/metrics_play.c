@@ -2,7 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
-#include "device/recording.h"
+#include "drivers/recording.h"
 #include "random.h"
 
 #include <stdio.h>
@@ -164,7 +164,7 @@ void hands_play(const struct hands_at_work *hands, enum worse worse, uint64_t se
     }
     out->step_ns = (double)taken_ns / (hands->row_count + 1);
     out->count = 0;
-    metrics_each(metrics, keep, out);
+    metrics_each(metrics, NULL, keep, out);
     if (session)
         session_destroy(&session);
     free(metrics);

@@ -97,6 +97,8 @@ static void run_program(const struct mockup *m, const char *program, const struc
     if (!play->bends) {
         arguments[count++] = "--modbus-rtu";
         arguments[count++] = m->serial;
+        arguments[count++] = "--slaves";
+        arguments[count++] = "2";
     }
     if (has_handle(play)) {
         arguments[count++] = "--hid";

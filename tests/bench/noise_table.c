@@ -1,10 +1,10 @@
 #include "noise_table.h"
 
 #include "base/clock.h"
-#include "device/noise.h"
-#include "device/recording.h"
-#include "device/slot.h"
+#include "drivers/recording.h"
 #include "random.h"
+#include "samples/noise.h"
+#include "samples/slot.h"
 
 #include <stdio.h>
 
@@ -34,7 +34,7 @@ static double share_flagged(const struct recording *r, double rate_hz, double si
     return count ? flagged / (double)count : 0;
 }
 
-int noise_table(const char *data, struct noise_row out_rows[NOISE_ROWS_MAX]) {
+int noise_table(const char *data, struct noise_row out_rows[NOISE_ROWS]) {
     static const char *const files[] = {
         "em_watertank_probe.csv",      "em_watertank_probe_raw_timestamps.csv",
         "stylus_landmarks.csv",        "stylus_landmarks_reference.csv",

@@ -2,7 +2,7 @@
 // those of a source that shakes?
 #pragma once
 
-#define NOISE_ROWS_MAX 64
+#define NOISE_ROWS 56 // 7 recordings at 8 rates
 
 struct noise_row {
     const char *file;
@@ -11,4 +11,4 @@ struct noise_row {
 };
 
 // Of the recordings in the folder `data`/tracker. Returns how many rows; 0: they are not there.
-int noise_table(const char *data, struct noise_row out_rows[NOISE_ROWS_MAX]);
+int noise_table(const char *data, struct noise_row out_rows[NOISE_ROWS]);

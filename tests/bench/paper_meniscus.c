@@ -49,7 +49,8 @@ static enum result draw_seen(struct fig11 *fig, enum moment moment, struct error
     cut_mesh_flatten(fig->m.cut, &mesh, NULL, &triangles);
     for (uint32_t t = 0; t < mesh.triangle_count; t++)
         triangles[t] = cut_mesh_label(fig->m.cut, triangles[t]);
-    struct tissue_look look = {.mesh = &mesh, .labels = triangles};
+    struct tissue_look look = {
+        .mesh = &mesh, .colour = tissue_colour(TISSUE_MENISCUS), .labels = triangles};
     enum result result = draw(fig, &look, &fig->seen[moment], err);
     free(triangles);
     mesh_fini(&mesh);
@@ -61,7 +62,10 @@ static enum result draw_felt(struct fig11 *fig, enum moment moment, struct error
     struct rod *lines = alloc(m->whole.vertex_count, sizeof *lines);
     struct mesh mesh;
     meniscectomy_warped(m, &mesh);
-    struct tissue_look look = {.mesh = &mesh, .blends = match_blends(m->match), .lines = lines};
+    struct tissue_look look = {.mesh = &mesh,
+                               .colour = tissue_colour(TISSUE_MENISCUS),
+                               .blends = match_blends(m->match),
+                               .lines = lines};
     for (uint32_t v = 0; v < mesh.vertex_count; v++) {
         struct rod line = {mesh_vertex(&m->group->mesh, v), mesh_vertex(&mesh, v)};
         if (vec3_distance(line.from, line.to) > LINE_MM)

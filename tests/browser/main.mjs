@@ -13,6 +13,7 @@ import { tests as signIn } from "./tests/sign_in.mjs";
 import { tests as wall } from "./tests/wall.mjs";
 import { tests as station } from "./tests/station.mjs";
 import { tests as scope } from "./tests/scope.mjs";
+import { tests as force } from "./tests/force.mjs";
 import { tests as debrief } from "./tests/debrief.mjs";
 import { tests as views } from "./tests/views.mjs";
 import { tests as keyboard } from "./tests/keyboard.mjs";
@@ -25,7 +26,7 @@ import { tests as throttle } from "./tests/throttle.mjs";
 // Each line's suites run side by side, so they use different stations. The tests that sign in come first, those of
 // views without a session before all stations run, and those that stop the server last.
 const STAGES = [
-  { runner: runs }, { "sign-in": signIn }, { wall, station }, { scope }, { debrief }, { memory, views }, { keyboard }, { load }, { people },
+  { runner: runs }, { "sign-in": signIn }, { wall, station }, { scope }, { force }, { debrief }, { memory, views }, { keyboard }, { load }, { people },
   { restart }, { throttle },
 ];
 

@@ -39,10 +39,10 @@ export function scopeAt(tip, portal) {
   return { t: tip, q: frame(shaft, [0, 0, 1]) };
 }
 
-/** Writes rows, 1 / `rateHz` apart, with the scope beside. */
-export function write(path, { header, rows }, scope, rateHz) {
-  const values = [...scope.t, ...scope.q, 1, 0].map((value) => value.toFixed(6)).join(",");
-  const names = [...header.slice(0, -1), ...POSE.map((name) => `scope_${name}`), header.at(-1)];
+/** Writes rows, 1 / `rateHz` apart, with the scope and the probe's force beside. */
+export function write(path, { header, rows }, scope, rateHz, force = 0) {
+  const values = [...scope.t, ...scope.q, 1, 0, force].map((value) => value.toFixed(6)).join(",");
+  const names = [...header.slice(0, -1), ...POSE.map((name) => `scope_${name}`), "probe_force_n", header.at(-1)];
   const lines = rows.map((row, i) => [(i / rateHz).toFixed(6), ...row.slice(1, -1), values, row.at(-1)].join(","));
   writeFileSync(path, `${[names.join(","), ...lines].join("\n")}\n`);
 }

@@ -15,7 +15,7 @@ const LEAST_S = 4; // of a session that is recorded
 /** What the config says of each station; the others are simulated. */
 export const STATIONS = {
   "room-1": { case: "tear-radial", trainee: "anna", motion: "bites" },
-  "room-2": { case: "arthrosis", trainee: "bert", motion: "stand", optic: { tiltDeg: 70, fieldDeg: 80 } },
+  "room-2": { case: "arthrosis", trainee: "bert", motion: "stand", optic: { tiltDeg: 70, fieldDeg: 80 }, force: 2.5 }, // N, of the probe
   "room-3": { case: "arthrosis", trainee: "carla", motion: "stroke", far: true },
 };
 
@@ -71,7 +71,7 @@ export class Testbed {
     const scope = scopeAt([4, 12, -15], portal);
     const palpated = await motion(this.folder, "palpation", palpation(this.source, 25), this.path("cases/arthrosis"));
     write(this.path("stroke.csv"), stroke(palpated), scopeAt([0, 25, -10], portal), 200); // near the femur
-    write(this.path("stand.csv"), stand(palpated), scope, 200);
+    write(this.path("stand.csv"), stand(palpated), scope, 200, STATIONS["room-2"].force);
     const bites = await motion(this.folder, "resection", BITES, this.path("cases/tear-radial"));
     write(this.path("bites.csv"), bites, scope, 100);
     write(this.path("rest.csv"), rest(bites), scope, 100);
@@ -206,6 +206,7 @@ shift = 4 0.01 0
 drawer = 5 0.01 0
 distraction = 6 0.01 0
 punch.opening = 7 0.0001 0
+${STATIONS[name].force ? "probe.force = 38 0.01" : ""}
 [device tracker]
 driver = tracker
 address = 127.0.0.1:${tracker}

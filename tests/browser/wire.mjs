@@ -56,7 +56,7 @@ export function view(data) {
   return { number: Number(of[1].readBigUInt64LE()), timeNs: of[2].readBigInt64LE(), instruments, bodies };
 }
 
-export const LIVE = ["", "place", "session", "moment", "resection", "mesh_chunk", "remark", "metrics", "command_reply", "progress", "trouble", "beat"];
+export const LIVE = ["", "place", "session", "moment", "resection", "mesh_chunk", "remark", "metrics", "command_reply", "progress", "trouble", "beat", "marker"];
 
 /** What kinds of messages are in a LiveBatch. */
 export function kindsOfBatch(data) {

@@ -1,6 +1,6 @@
 // A recording of one tool, a motion file or a sequence metafile.
 #include "base/check.h"
-#include "device/recording.h"
+#include "drivers/recording.h"
 #include "fuzz/fuzz.h"
 
 static void read_at(const struct recording *r, double t) {

@@ -1,7 +1,7 @@
 // A line with an axis, a line with buttons, as in a config; then bytes that are a report descriptor
 // and a report.
 #include "base/check.h"
-#include "device/hid_descriptor.h"
+#include "drivers/hid_descriptor.h"
 #include "fuzz/fuzz.h"
 
 #include <stdio.h>

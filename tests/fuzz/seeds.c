@@ -1,7 +1,8 @@
 // Makes the corpora's first inputs, small and good: fuzz-seeds FOLDER writes FOLDER/TARGET/NAME.
 #include "base/bytes.h"
 #include "base/check.h"
-#include "device/igtl.h"
+#include "igtl/content.h"
+#include "igtl/stream.h"
 #include "mockup/encode.h"
 #include "trace/trace.h"
 #include "unit/case_knee.h"
@@ -33,7 +34,7 @@ static struct frame some_frame(void) {
     return (struct frame){
         .number = 7,
         .time_ns = 5000000000,
-        .count = 3,
+        .count = 4,
         .samples = {{.channel = CHANNEL_JOINT,
                      .kind = SAMPLE_JOINT,
                      .time_ns = 4999000000,
@@ -50,8 +51,28 @@ static struct frame some_frame(void) {
                      .validity = VALIDITY_HELD,
                      .device = 2,
                      .time_ns = 4990000000,
-                     .handle = {0.25, 5}}},
+                     .handle = {0.25, 5}},
+                    {.channel = CHANNEL_TIBIA,
+                     .kind = SAMPLE_FORCE,
+                     .device = 2,
+                     .time_ns = 4998000000,
+                     .force_n = -3.5}},
     };
+}
+
+// The usual ones, a grasper and a curette.
+static struct instruments described_instruments(void) {
+    struct instruments all = *instruments_usual();
+    struct instrument grasper = instrument_of_kind(INSTRUMENT_JAW);
+    struct instrument curette = instrument_of_kind(INSTRUMENT_BLADE);
+    strcpy(grasper.name, "grasper");
+    strcpy(curette.name, "curette");
+    grasper.cuts = false;
+    grasper.button = 3;
+    curette.colour = 0x33aa55;
+    CHECK(instruments_add(&all, &grasper, NULL) == RESULT_OK);
+    CHECK(instruments_add(&all, &curette, NULL) == RESULT_OK);
+    return all;
 }
 
 static void messages(void) {
@@ -75,11 +96,21 @@ static void messages(void) {
     hello->calibration = (arthron_Calibration){1790000000, 0.25, 0.125};
     CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
     seed("control", "hello", data, used);
+    struct instruments instruments = described_instruments();
+    for (int i = INSTRUMENTS_USUAL; i < instruments.count; i++)
+        wire_instrument_from(&instruments, i, &hello->instruments[hello->instruments_count++]);
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "hello-described", data, used);
 
     control = (arthron_Control){.which_message = arthron_Control_welcome_tag};
     snprintf(control.message.welcome.case_name, sizeof control.message.welcome.case_name, "boxes");
     CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
     seed("control", "welcome", data, used);
+
+    control = (arthron_Control){.which_message = arthron_Control_marker_tag,
+                                .message.marker = {2, 5000000000, "start", "pedal", 1}};
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "marker", data, used);
 
     struct knee_frame knee = {.joint = {SIDE_LEFT, pose_identity(), pose_identity()},
                               .patella_count = 2};
@@ -201,9 +232,8 @@ static void take_out_line(char *text, const char *key) {
     memmove(begin, end + 1, strlen(end + 1) + 1);
 }
 
-static void cases(void) {
+static void seed_case(const char *name, struct knee_case *knee) {
     char folder[FOLDER_MAX];
-    struct knee_case *knee = box_knee();
     struct error err;
     size_t size;
     folder_make(folder);
@@ -214,10 +244,18 @@ static void cases(void) {
     size_t first = strlen(manifest) + 1;
     manifest = alloc_resize(manifest, first + size, 1);
     memcpy(manifest + first, anatomy, size);
-    seed("case", "boxes", manifest, first + size);
+    seed("case", name, manifest, first + size);
     free(manifest);
     free(anatomy);
     folder_remove(folder);
+}
+
+static void cases(void) {
+    struct knee_case *knee = box_knee();
+    seed_case("boxes", knee);
+    knee->groups[0].tissue =
+        (struct case_tissue){TISSUE_OTHER, TISSUE_LATERAL, true, 0xe05a5a, "A ½"};
+    seed_case("described", knee);
     case_destroy(&knee);
 }
 
@@ -269,9 +307,10 @@ static void meshes(void) {
     seed("mesh", "vtk_binary", vtk_binary, sizeof vtk_binary - 1);
 }
 
-static struct trace_writer *begin_trace(const char *file) {
+static struct trace_writer *begin_trace(const char *file, const struct instruments *instruments) {
     struct trace_header header = {.station = "bench", .trainee = "Zoë", .case_name = "boxes"};
     header.settings = session_settings_default();
+    header.settings.instruments = *instruments;
     header.optic = view_optic_usual();
     struct trace_writer *writer;
     CHECK(trace_writer_create(file, &header, NULL, &writer, NULL) == RESULT_OK);
@@ -311,7 +350,7 @@ static void a_cut_trace(void) {
     struct job_result *result = NULL;
     folder_make(folder);
     snprintf(file, sizeof file, "%s/a.trace", folder);
-    struct trace_writer *writer = begin_trace(file);
+    struct trace_writer *writer = begin_trace(file, instruments_usual());
     static const enum input_kind kinds[] = {INPUT_START, INPUT_FRAME, INPUT_FRAME, INPUT_JOB,
                                             INPUT_FRAME, INPUT_RESET, INPUT_JOB,   INPUT_JOB};
     for (uint64_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
@@ -336,19 +375,22 @@ static void a_cut_trace(void) {
     scene_destroy(&scene);
 }
 
-static void traces(void) {
+// A step in which instrument `seen` is there.
+static void seed_steps(const char *name, const struct instruments *instruments, int seen) {
     static struct session_input input;
     static struct session_output output;
     char folder[FOLDER_MAX], file[300];
     folder_make(folder);
     snprintf(file, sizeof file, "%s/a.trace", folder);
-    struct trace_writer *writer = begin_trace(file);
+    struct trace_writer *writer = begin_trace(file, instruments);
+    memset(&output, 0, sizeof output);
+    output.described = instruments->count - INSTRUMENTS_USUAL;
     for (uint64_t step = 1; step <= 3; step++) {
         input.kind = step == 1 ? INPUT_START : step == 2 ? INPUT_FRAME : INPUT_STOP;
         input.time_ns = output.time_ns = 5000000000 + (int64_t)step;
         input.frame = step == 2 ? some_frame() : (struct frame){0};
         output.step = step;
-        output.instruments[0].present = step == 2;
+        output.instruments[seen].present = step == 2;
         CHECK(trace_append(writer, &input, &output));
     }
     struct remark remark = {.number = 1,
@@ -359,8 +401,48 @@ static void traces(void) {
                             .body = BODY_TIBIA,
                             .point = {1, 2, 3}};
     CHECK(trace_append_remark(writer, &remark));
-    seed_trace("steps", folder, writer);
+    struct marker marker = {1, 2, 5000000002, 1, "start", "pedal"};
+    CHECK(trace_append_marker(writer, &marker));
+    seed_trace(name, folder, writer);
+}
+
+static void traces(void) {
+    struct instruments described = described_instruments();
+    seed_steps("steps", instruments_usual(), 0);
+    seed_steps("described", &described, INSTRUMENTS_USUAL + 1);
     a_cut_trace();
+}
+
+// What clients of a server say.
+static void clients(void) {
+    static const struct {
+        const char *name, *type, *device;
+        size_t size;
+    } rows[] = {
+        {"start", "STT_TDATA", "", IGTL_START_SIZE},
+        {"quaternions", "STT_QTDATA", "Arthron", IGTL_START_SIZE},
+        {"stop", "STP_TDATA", "", 0},
+        {"transform", "GET_TRANS", "probe", 0},
+        {"tdata", "GET_TDATA", "", 0},
+        {"mesh", "GET_POLYDATA", "meniscus", 0},
+        {"status", "GET_STATUS", "", 0},
+        {"capability", "GET_CAPABIL", "", 0},
+    };
+    uint8_t all[4096];
+    size_t used = 0;
+    for (int version = 1; version <= 2; version++)
+        for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+            struct igtl_head head = {
+                .version = version, .type = rows[i].type, .device = rows[i].device};
+            uint8_t *bytes = all + used;
+            char name[32];
+            snprintf(name, sizeof name, "%s_%d", rows[i].name, version);
+            igtl_write_start(50, "", bytes + igtl_message_content(version));
+            size_t size = igtl_message_finish(&head, rows[i].size, bytes);
+            seed("igtl", name, bytes, size);
+            used += size;
+        }
+    seed("igtl", "all", all, used);
 }
 
 static void trackers(void) {
@@ -378,6 +460,14 @@ static void trackers(void) {
                 encode_tools((enum message_type)type, version, 1790000000, tools, 2, bytes);
             seed("tracker", name, bytes, used);
         }
+    for (int version = 1; version <= 2; version++) {
+        char name[32];
+        snprintf(name, sizeof name, "sensor_%d", version);
+        seed("tracker", name, bytes, encode_force(version, 1790000000, "Gauge", 2.5, bytes));
+    }
+    struct igtl_head head = {.version = 1, .type = "STRING", .device = "Stimulus"};
+    size_t size = igtl_write_string("17", bytes + igtl_message_content(1));
+    seed("tracker", "string", bytes, igtl_message_finish(&head, size, bytes));
 }
 
 static void recordings(void) {
@@ -389,6 +479,9 @@ static void recordings(void) {
               "punch_tx_mm,punch_ty_mm,punch_tz_mm,punch_qw,punch_qx,punch_qy,punch_qz,"
               "punch_valid,punch_opening,touch\n0,10,0,0,0,0,0,1,2,3,1,0,0,0,1,0.5,tibia\n"
               "0.5,20,0,0,0,0,0.25,1,2,3,1,0,0,0,1,1,-\n");
+    seed_text("csv", "force",
+              "t_seconds,tx_mm,ty_mm,tz_mm,qw,qx,qy,qz,valid,force_n\n0,1,2,3,1,0,0,0,1,2.5\n"
+              "0.01,1,2,3,0.6,0.8,0,0,1,-999\n");
 }
 
 static void metafiles(void) {
@@ -502,6 +595,7 @@ int main(int argc, char **argv) {
     meshes();
     traces();
     trackers();
+    clients();
     requests();
     recordings();
     metafiles();

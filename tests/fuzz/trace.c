@@ -31,6 +31,7 @@ static void read_all(const char *path) {
     metrics_init(&metrics, instruments_usual(), view_optic_usual());
     while ((result = trace_read(reader, &record, &err)) == RESULT_OK) {
         CHECK(record.type != TRACE_REMARK || remark_is_valid(&record.remark));
+        CHECK(record.type != TRACE_MARKER || marker_is_valid(&record.marker));
         if (record.type != TRACE_STEP && record.type != TRACE_PAST)
             continue;
         CHECK(record.input.time_ns >= time_ns);
@@ -40,7 +41,7 @@ static void read_all(const char *path) {
         if (record.type == TRACE_STEP)
             metrics_step(&metrics, &record.input, &record.output);
     }
-    metrics_each(&metrics, look, &figures);
+    metrics_each(&metrics, NULL, look, &figures);
     CHECK(figures > 0);
     rerun_destroy(&rerun);
     CHECK(trace_read(reader, &record, &err) == result);

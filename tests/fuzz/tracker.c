@@ -1,8 +1,8 @@
 // A tracker's OpenIGTLink stream, its checksums put right. In pieces it says what it says as a
 // whole.
 #include "base/check.h"
-#include "device/igtl.h"
 #include "fuzz/fuzz.h"
+#include "igtl/stream.h"
 
 #include <openigtlink/igtl_util.h>
 #include <stdlib.h>
@@ -48,9 +48,14 @@ static struct told feed(const uint8_t *data, size_t size, size_t piece) {
         told.events[event] += event != IGTL_NOTHING;
         CHECK(event != IGTL_STATUS ||
               strnlen(message.status_text, IGTL_STATUS_SIZE) < IGTL_STATUS_SIZE);
+        double newtons = 1;
+        CHECK(
+            event != IGTL_SENSOR ||
+            (message.sensor.count >= 0 && message.sensor.count <= IGTL_SENSOR_VALUES_MAX &&
+             (igtl_unit_newtons(message.sensor.unit, &newtons, &err) != RESULT_OK || newtons > 0)));
         for (int i = 0; event == IGTL_POSES && i < message.count; i++, told.tools++)
             CHECK(pose_is_valid(message.tools[i].T_tracker_tool) &&
-                  strlen(message.tools[i].name) < IGTL_NAME_SIZE);
+                  strlen(message.tools[i].name) < IGTL_TOOL_SIZE);
     }
     return told;
 }

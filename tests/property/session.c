@@ -321,9 +321,9 @@ static void a_key_that_is_not_met_is_refused(void **state) {
     case_destroy(&knee);
 }
 
-// A frame of 10 ms each, closed `way_ns` before its step; then none. Returns the steps until the
-// instrument is lost.
-static int steps_until_lost(int rules, int64_t way_ns) {
+// A frame of 10 ms each, closed `way_ns` before its step, with what was measured `late_ns` before
+// that; then none. Returns the steps until the instrument is lost.
+static int steps_until_lost(int rules, int64_t way_ns, int64_t late_ns) {
     struct session_settings settings = session_settings_default();
     settings.rules = rules;
     struct hand h;
@@ -338,7 +338,7 @@ static int steps_until_lost(int rules, int64_t way_ns) {
         frame->time_ns = h.input.time_ns - way_ns;
         frame->samples[0] = (struct sample){.channel = CHANNEL_PROBE,
                                             .kind = SAMPLE_POSE,
-                                            .time_ns = frame->time_ns - NS_PER_MS,
+                                            .time_ns = frame->time_ns - late_ns,
                                             .T_mockup_body = tip_at((vec3){0, 0, 200})};
         session_step(h.session, &h.input, &h.out);
         steps += h.out.instruments[0].present;
@@ -353,11 +353,97 @@ static int steps_until_lost(int rules, int64_t way_ns) {
 
 static void the_way_of_a_frame_makes_no_device_silent(void **state) {
     (void)state;
-    assert_int_equal(steps_until_lost(RULES_NEWEST, 0), 30);
-    assert_int_equal(steps_until_lost(RULES_NEWEST, 300 * NS_PER_MS), 30);
-    assert_int_equal(steps_until_lost(RULES_NEWEST, NS_PER_S), 30);
-    assert_int_equal(steps_until_lost(RULES_NEWEST, 1200 * NS_PER_MS), 0); // too old
-    assert_int_equal(steps_until_lost(RULES_WITHOUT_TRAVEL - 1, 300 * NS_PER_MS), 0);
+    for (int rules = RULES_WITHOUT_TRAVEL; rules <= RULES_NEWEST; rules++) {
+        int steps = rules < RULES_HELD_FROM_FRAME ? 30 : 31; // 1 ms more
+        assert_int_equal(steps_until_lost(rules, 0, NS_PER_MS), steps);
+        assert_int_equal(steps_until_lost(rules, 300 * NS_PER_MS, NS_PER_MS), steps);
+        assert_int_equal(steps_until_lost(rules, NS_PER_S, NS_PER_MS), steps);
+        assert_int_equal(steps_until_lost(rules, 1200 * NS_PER_MS, NS_PER_MS), 0); // too old
+    }
+    int before = RULES_WITHOUT_TRAVEL - 1;
+    assert_int_equal(steps_until_lost(before, 300 * NS_PER_MS, NS_PER_MS), 0);
+}
+
+static void a_device_that_tells_late_keeps_the_whole_hold(void **state) {
+    (void)state;
+    const int before = RULES_HELD_FROM_FRAME - 1;
+    for (int64_t late_ms = 1; late_ms <= 1100; late_ms += 157)
+        assert_int_equal(steps_until_lost(RULES_NEWEST, 300 * NS_PER_MS, late_ms * NS_PER_MS), 31);
+    assert_int_equal(steps_until_lost(RULES_NEWEST, 0, 1101 * NS_PER_MS), 0); // too late
+    assert_int_equal(steps_until_lost(before, 0, 60 * NS_PER_MS), 25);
+    assert_int_equal(steps_until_lost(before, 0, 101 * NS_PER_MS), 0);
+}
+
+// A device of 5 Hz whose value is ok for 200 ms and, the last time, then held without end. Returns
+// the steps in which the instrument was there.
+static int steps_of_a_slow_device(int rules) {
+    struct session_settings settings = session_settings_default();
+    settings.rules = rules;
+    struct hand h;
+    start(&h, &settings);
+    int there = 0;
+    for (int i = 0; i < 100; i++) {
+        struct frame *frame = &h.input.frame;
+        h.input.kind = INPUT_FRAME;
+        h.input.time_ns = NS_PER_S + i * STEP_NS;
+        *frame = (struct frame){.number = (uint64_t)i + 1, .count = 1};
+        frame->time_ns = h.input.time_ns;
+        frame->samples[0] =
+            (struct sample){.channel = CHANNEL_PROBE,
+                            .kind = SAMPLE_POSE,
+                            .validity = i < 60 ? VALIDITY_OK : VALIDITY_HELD,
+                            .time_ns = NS_PER_S + (i < 60 ? i / 20 : 2) * 20 * STEP_NS,
+                            .T_mockup_body = tip_at((vec3){0, 0, 200})};
+        session_step(h.session, &h.input, &h.out);
+        there += h.out.instruments[0].present;
+    }
+    session_destroy(&h.session);
+    return there;
+}
+
+static void a_slow_device_is_there_until_it_was_held_for_the_hold(void **state) {
+    (void)state;
+    assert_int_equal(steps_of_a_slow_device(RULES_NEWEST), 60 + 10);
+    assert_int_equal(steps_of_a_slow_device(RULES_HELD_FROM_FRAME - 1), 3 * 11);
+}
+
+static void press(struct random *r, enum validity validity, struct frame *frame) {
+    for (enum channel c = CHANNEL_FEMUR; c <= CHANNEL_SCOPE; c++)
+        frame->samples[frame->count++] = (struct sample){.channel = c,
+                                                         .kind = SAMPLE_FORCE,
+                                                         .validity = validity,
+                                                         .time_ns = frame->time_ns,
+                                                         .force_n = random_between(r, -50, 50)};
+}
+
+// Beside a session without gauges: the same steps to the bit. A gauge that is lost is a device that
+// is lost, and nothing else.
+static void a_force_moves_and_cuts_nothing(void **state) {
+    (void)state;
+    struct random r = {9};
+    struct session_settings settings = session_settings_default();
+    struct hand plain, pressed;
+    start(&plain, &settings);
+    start(&pressed, &settings);
+    vec3 p = mesh_vertex(&meniscus->mesh, 0);
+    for (int i = 0; i < 200; i++) {
+        struct joint_angles joint = {.flexion_deg = 10 + 0.2 * i, .varus_deg = -0.02 * i};
+        vec3 at = vec3_add(p, (vec3){0, 0, 20 - 0.2 * i});
+        bool is_lost = i >= 150;
+        hold(&plain, pose_identity(), joint, CHANNEL_KNIFE, tip_at(at));
+        pressed.input = plain.input;
+        press(&r, is_lost ? VALIDITY_LOST : (enum validity)(i % 2), &pressed.input.frame);
+        session_step(pressed.session, &pressed.input, &pressed.out);
+        if (is_lost)
+            plain.out.hash = pressed.out.hash;
+        if (i == 150) {
+            assert_int_equal(pressed.out.events, plain.out.events | EVENT_DEVICE_LOST);
+            plain.out.events = pressed.out.events;
+        }
+        assert_memory_equal(&pressed.out, &plain.out, sizeof plain.out);
+    }
+    session_destroy(&plain.session);
+    session_destroy(&pressed.session);
 }
 
 int main(void) {
@@ -371,6 +457,9 @@ int main(void) {
         cmocka_unit_test(a_cut_is_made_on_the_virtual_tibia),
         cmocka_unit_test(a_key_that_is_not_met_is_refused),
         cmocka_unit_test(the_way_of_a_frame_makes_no_device_silent),
+        cmocka_unit_test(a_device_that_tells_late_keeps_the_whole_hold),
+        cmocka_unit_test(a_slow_device_is_there_until_it_was_held_for_the_hold),
+        cmocka_unit_test(a_force_moves_and_cuts_nothing),
     };
     return cmocka_run_group_tests_name("session", tests, make_scene, drop_scene);
 }

@@ -3,11 +3,11 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "device/hid_descriptor.h"
-#include "device/hid_find.h"
-#include "device/runner.h"
+#include "drivers/hid_descriptor.h"
+#include "drivers/hid_find.h"
 #include "handle.h"
 #include "handle_player.h"
+#include "samples/runner.h"
 #include "test.h"
 
 #include <hidapi.h>
@@ -239,11 +239,12 @@ static void the_mockups_handle_plays_its_file_and_its_faults(void **state) {
     double t_seconds[] = {0, 1, 1.01, 2};
     struct recording_state states[] = {
         {.opening = 0.3}, {.opening = 0.3}, {.opening = 0.02}, {.opening = 0.02}};
-    struct player player = {.recording = {.row_count = 4,
-                                          .t_seconds = t_seconds,
-                                          .tool_count = 1,
-                                          .tools = {{CHANNEL_PUNCH, true, states}}},
-                            .start_ns = clock_now_ns()};
+    struct player player = {
+        .recording = {.row_count = 4,
+                      .t_seconds = t_seconds,
+                      .tool_count = 1,
+                      .tools = {{.channel = CHANNEL_PUNCH, .has_opening = true, .states = states}}},
+        .start_ns = clock_now_ns()};
     static struct faults faults = {
         1, {{"", FAULT_HID, FAULT_UNPLUG, .at_s = 5, .for_s = 1, .every = 1}}};
     atomic_bool stop = false;

@@ -294,7 +294,10 @@ static void wrong_words_are_refused_and_nothing_is_written(void **state) {
     assert_refused(2, "--depth-mm 3: given twice", TEAR PLACE "--depth-mm 3 --depth-mm 3");
     assert_refused(2, "rim_mm = 1: must be a number from 2 to 8",
                    TEAR PLACE "--depth-mm 3 --rim-mm 1");
-    assert_refused(2, "group: must be meniscus_medial", TEAR "--at 0.5 --depth-mm 3 --group femur");
+    assert_refused(1, "femur is no meniscus", TEAR "--at 0.5 --depth-mm 3 --group femur");
+    assert_refused(2, "tissue: --group is needed", "tissue knee --label Plica --out none");
+    assert_refused(1, "no group plica; a new one needs a path",
+                   "tissue knee --group plica --label Plica --out none");
     assert_refused(1, "must stay whole", TEAR "--group meniscus_medial --depth-mm 8 --at 0.9");
     assert_refused(2, "--ligament is needed",
                    "ligament knee --flexion-deg 15 --valgus-deg 5 --extra-valgus-deg 9 --out none");

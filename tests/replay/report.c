@@ -3,6 +3,7 @@
 #include "metrics/metrics.h"
 #include "replay/program.h"
 #include "replay/recording.h"
+#include "review/words.h"
 #include "store/store.h"
 #include "test.h"
 
@@ -79,20 +80,22 @@ static void assert_drawings_are_xml(void) {
 static void a_session_becomes_a_page_of_its_own(void **state) {
     (void)state;
     static const char *const wanted[] = {"bench 3",
-                                         "<h2>Summary</h2>",
+                                         "<h2>Outcome</h2>",
+                                         "mm³ removed. Thinnest remaining rim",
                                          "<h2>Instruments</h2>",
                                          "<h3>probe</h3>",
                                          "Path, coronal",
                                          "Path, sagittal",
-                                         "Offset of the tip",
+                                         "Shown–real offset",
                                          "<h2>Joint</h2>",
                                          "Flexion",
                                          "Varus",
                                          "<h2>Resection</h2>",
                                          "touched where nothing is seen, mm³",
-                                         "Touch and sight of ",
+                                         ": touch and sight",
+                                         "<h2>Record</h2>",
                                          "<h2>Figures</h2>",
-                                         "path_hand",
+                                         ">Path, hand<",
                                          ">whole<",
                                          "plot-band"};
     record_with("Ada");
@@ -100,6 +103,9 @@ static void a_session_becomes_a_page_of_its_own(void **state) {
     assert_non_null(strstr(said, page_path));
     for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
         assert_has(wanted[i]);
+    assert_true(strstr(page, "<h2>Outcome</h2>") < strstr(page, "<h2>Figures</h2>"));
+    assert_true(strstr(page, "<h2>Figures</h2>") < strstr(page, "<h2>Record</h2>"));
+    assert_int_equal(count_of(">ldlj_hand<"), 0);
     assert_drawings_are_xml();
     assert_int_equal(count_of("href="), 0);
     assert_int_equal(count_of("src="), 0);
@@ -206,6 +212,20 @@ static void figures_stand_beside_those_of_a_course(void **state) {
     assert_int_equal(access(page_path, F_OK), -1);
 }
 
+static const char *words_of(const char *name) {
+    for (int i = 0; i < METRIC_COUNT; i++)
+        if (strcmp(metric_kinds[i].name, name) == 0)
+            return review_metric_words(i);
+    fail_msg("no metric %s", name);
+    return NULL;
+}
+
+static void every_figure_has_words(void **state) {
+    (void)state;
+    for (int i = 0; i < METRIC_COUNT; i++)
+        assert_non_null(review_metric_words(i));
+}
+
 // The figures are those of score: each line's name and value stand side by side in a row.
 static void its_figures_are_those_of_score(void **state) {
     (void)state;
@@ -219,8 +239,9 @@ static void its_figures_are_those_of_score(void **state) {
     while (fgets(line, sizeof line, program)) {
         if (sscanf(line, "%63s %15s %47s", name, version, value) != 3 || version[0] != 'v')
             continue;
-        snprintf(row, sizeof row, "<td>%s</td><td class=\"n\">%s</td><td class=\"n\">%s</td>", name,
-                 version + 1, value);
+        snprintf(row, sizeof row,
+                 "<td title=\"%s\">%s</td><td class=\"n\">%s</td><td class=\"n\">%s</td>", name,
+                 words_of(name), version + 1, value);
         assert_has(row);
         count++;
     }
@@ -276,6 +297,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_session_becomes_a_page_of_its_own),
         cmocka_unit_test(its_figures_are_those_of_score),
+        cmocka_unit_test(every_figure_has_words),
         cmocka_unit_test(figures_stand_beside_those_of_a_course),
         cmocka_unit_test(texts_of_the_trace_are_escaped),
         cmocka_unit_test(a_trace_that_lost_its_end_gives_a_page_that_says_so),

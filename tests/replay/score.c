@@ -94,7 +94,7 @@ static void a_trace_scores_as_its_session_did(void **state) {
     assert_true(json_is_true(json_object_get(root, "whole")));
     assert_int_equal(strlen(text_of(root, "session")), 32);
     struct comparison c = {.figures = json_object_get(root, "metrics")};
-    metrics_each(&live, compare, &c);
+    metrics_each(&live, NULL, compare, &c);
     assert_int_equal(c.at, json_array_size(c.figures));
     assert_true(c.groups > 0 && c.moved > 0);
     json_decref(root);

@@ -12,6 +12,7 @@ import subprocess
 import unittest
 
 from arthron import call, program, wait_until
+from hostile_cases import read_anatomy, write_anatomy
 from hostile_traces import STEP, WIDE, Places, mend, records
 from old_traces import unpack
 from page import RECORDED, Browser
@@ -161,25 +162,10 @@ start = command
     def make_large(self, name):
         """A right case, but for its size: bytes behind those that its meshes use."""
         shutil.copytree(self.case, self.path(name))
-        path = os.path.join(self.path(name), "anatomy.glb")
-        with open(path, "rb") as f:
-            data = f.read()
-        size = struct.unpack_from("<I", data, 12)[0]
-        scene, body = json.loads(data[20:20 + size]), data[20 + size + 8:]
-        more = CASE_BYTES - len(data)
+        more = CASE_BYTES - os.path.getsize(os.path.join(self.path(name), "anatomy.glb"))
+        scene, body = read_anatomy(self.path(name))
         scene["buffers"][0]["byteLength"] = len(body) + more
-        text = json.dumps(scene).encode()
-        text += b" " * (-len(text) % 4)
-        with open(path, "wb") as f:
-            f.write(struct.pack("<4sIIII", b"glTF", 2, 28 + len(text) + len(body) + more, len(text), 0x4e4f534a))
-            f.write(text + struct.pack("<II", len(body) + more, 0x004e4942) + body)
-            f.truncate(f.tell() + more)
-        manifest = os.path.join(self.path(name), "case.json")
-        with open(manifest) as f:
-            about = json.load(f)
-        about.pop("anatomy_xxh3", None)
-        with open(manifest, "w") as f:
-            json.dump(about, f)
+        write_anatomy(self.path(name), json.dumps(scene), body, more)
 
     def test_large_cases_take_no_memory_from_the_server(self):
         names = [f"large-{i}" for i in range(4 if FULL else 1)]

@@ -2,8 +2,8 @@
 
 #include "base/check.h"
 #include "base/clock.h"
-#include "device/runner.h"
 #include "loop/loop.h"
+#include "samples/runner.h"
 #include "sim/report.h"
 #include "sim/streams.h"
 #include "sim/watch.h"
@@ -104,6 +104,19 @@ int __wrap_runner_count(const struct runner *runner) {
     return 0;
 }
 
+bool __wrap_runner_has_markers(const struct runner *runner);
+bool __wrap_runner_has_markers(const struct runner *runner) {
+    (void)runner;
+    return false;
+}
+
+bool __wrap_runner_next_marker(struct runner *runner, struct marker *out);
+bool __wrap_runner_next_marker(struct runner *runner, struct marker *out) {
+    (void)runner;
+    (void)out;
+    return false;
+}
+
 void __wrap_runner_collect(struct runner *runner, int64_t now_ns, struct frame *frame);
 void __wrap_runner_collect(struct runner *runner, int64_t now_ns, struct frame *frame) {
     const struct sim_station *s = runner->station;
@@ -117,6 +130,9 @@ void __wrap_runner_collect(struct runner *runner, int64_t now_ns, struct frame *
                         .kind = SAMPLE_POSE,
                         .T_mockup_body = {quat_identity(), probe_at(t)}},
         0, first_ns, now_ns);
+    add(frame,
+        (struct sample){.channel = CHANNEL_PROBE, .kind = SAMPLE_FORCE, .force_n = 4 * sin(2 * u)},
+        1, second_ns, now_ns);
     add(frame,
         (struct sample){.channel = CHANNEL_SHAVER,
                         .kind = SAMPLE_POSE,

@@ -260,7 +260,7 @@ tool.punch = punch
         for m in call_json("arthron-trace", "score", trace)["metrics"]:
             if "from_mm" in m and m["value"] == 0:
                 continue
-            about = [m.get("instrument"), m.get("group") or m.get("tissue"), m.get("zone")]
+            about = [m.get("instrument") or m.get("bone"), m.get("group") or m.get("tissue"), m.get("zone")]
             if "from_mm" in m:
                 about.append(f"from {m['from_mm']:g} mm")
             scored[m["name"], " ".join(word for word in about if word), m["version"]] = (

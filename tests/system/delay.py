@@ -47,6 +47,16 @@ class Delay(SystemTest):
         self.assertIn(f"delay_ms = {found['delay_ms']:.2f}", kept)
         again = self.calibrate("--seconds", "4")
         self.assertAlmostEqual(again["delay_ms"], found["delay_ms"], delta=3)
+        self.assert_the_joints_own_delay_counts(found["delay_ms"])
+
+    def assert_the_joints_own_delay_counts(self, delay_ms):
+        """The encoders are said to be late already: the tracker is as much later."""
+        with open(self.config) as f:
+            text = f.read()
+        self.write("room-1.ini", text.replace("rate_hz = 200\n", "rate_hz = 200\ndelay_ms = 20\n"))
+        found = self.calibrate("--seconds", "4")
+        self.assertEqual(found["late_device"], "tracker")
+        self.assertAlmostEqual(found["delay_ms"], delay_ms + 20, delta=3)
 
     def test_a_joint_that_stands_still_tells_nothing(self):
         self.play(bending(degrees=0.5))

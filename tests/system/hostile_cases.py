@@ -12,25 +12,35 @@ from arthron import SystemTest, call
 LISTED = 2_080_000  # numbers in a list of 4 MB, which take 40 times as much once they are read
 
 
-def make_greedy(case):
-    """Puts a long list into the anatomy, where any program may leave words of its own."""
-    path = os.path.join(case, "anatomy.glb")
-    with open(path, "rb") as f:
+def read_anatomy(case):
+    """The scene, and the bytes that it points into."""
+    with open(os.path.join(case, "anatomy.glb"), "rb") as f:
         data = f.read()
     size = struct.unpack_from("<I", data, 12)[0]
-    scene = json.loads(data[20:20 + size])
-    scene["asset"]["extras"] = ["LIST"]
-    text = json.dumps(scene, separators=(",", ":")).replace('"LIST"', ",".join("7" * LISTED)).encode()
+    return json.loads(data[20:20 + size]), data[20 + size + 8:]
+
+
+def write_anatomy(case, text, body, more=0):
+    """The scene as text, and so many zeros behind the bytes. The manifest forgets the old hash."""
+    text = text.encode()
     text += b" " * (-len(text) % 4)
-    body = struct.pack("<II", len(text), 0x4e4f534a) + text + data[20 + size:]
-    with open(path, "wb") as f:
-        f.write(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+    with open(os.path.join(case, "anatomy.glb"), "wb") as f:
+        f.write(struct.pack("<4sIIII", b"glTF", 2, 28 + len(text) + len(body) + more, len(text), 0x4e4f534a))
+        f.write(text + struct.pack("<II", len(body) + more, 0x004e4942) + body)
+        f.truncate(f.tell() + more)
     manifest = os.path.join(case, "case.json")
     with open(manifest) as f:
         about = json.load(f)
     about.pop("anatomy_xxh3", None)
     with open(manifest, "w") as f:
         json.dump(about, f)
+
+
+def make_greedy(case):
+    """Puts a long list into the anatomy, where any program may leave words of its own."""
+    scene, body = read_anatomy(case)
+    scene["asset"]["extras"] = ["LIST"]
+    write_anatomy(case, json.dumps(scene, separators=(",", ":")).replace('"LIST"', ",".join("7" * LISTED)), body)
 
 
 class HostileCases(SystemTest):

@@ -6,6 +6,7 @@ import csv
 import io
 import unittest
 
+import example_trace
 from arthron import call, call_json, free_port, wait_until
 from bites import Bites
 from page import RECORDED, STATION, Browser
@@ -80,6 +81,7 @@ tip.curette = 0 0 -8 1 0 0 0""")
         info = call_json("arthron-trace", "info", session["trace"])
         self.assertEqual(set(info["instruments"]), {"probe-2", "basket", "curette"})
         self.assertEqual(info["resections"][0]["cuts"], cuts)
+        self.assertEqual(example_trace.figures_of(session["trace"]), example_trace.figures_of_info(session["trace"]))
         self.assertEqual(self.did(session["trace"]), {"basket", "curette", "touch"})
         report = self.path("report.html")
         call("arthron-trace", "report", session["trace"], "--out", report)
@@ -108,6 +110,10 @@ tip.curette = 0 0 -8 1 0 0 0""")
                                                         "[instrument probe-2]": "[instrument scope]"}[change])
             said = call("arthron-station", "check", "--config", self.station_config(), code=1)
             self.assertIn(reason, said.stdout + said.stderr)
+        self.described = DESCRIBED
+        said = call("arthron-station", "calibrate", "tip", "--config", self.station_config(), "--device", "nowhere",
+                    "--channel", "curette", code=1)  # known by its name
+        self.assertNotIn("unknown", said.stderr)
 
 
 if __name__ == "__main__":

@@ -146,7 +146,7 @@ class Recordings(unittest.TestCase):
     def test_without_the_case_there_are_poses_and_figures(self):
         found = self.read(self.trace)
         self.assertEqual({topic.split("/")[1] for topic in found["topics"]},
-                         {"pose", "mesh", "instrument", "joint", "events", "remarks", "resection"})
+                         {"pose", "mesh", "instrument", "joint", "events", "markers", "remarks", "resection"})
         self.assertFalse([topic for topic in found["topics"] if topic.startswith(("/mesh/patient", "/mesh/mockup"))])
         self.assertEqual(len(found["topics"]["/resection/0"]["messages"]),
                          len(self.found["topics"]["/resection/meniscus_medial"]["messages"]))

@@ -1,11 +1,10 @@
 // The real mock-up program and the station's devices, over TCP and a serial line.
 
-#include "../../station/mockup/faults.h"
 #include "base/clock.h"
-#include "device/runner.h"
-#include "device/socket.h"
-#include "folder.h"
+#include "drivers/socket.h"
+#include "in_folder.h"
 #include "mockup_program.h"
+#include "samples/runner.h"
 #include "test.h"
 
 #include <signal.h>
@@ -353,6 +352,24 @@ static void a_silent_tracker_keeps_its_connection(void **state) {
     assert_int_equal(0, ended(&m, SIGTERM));
 }
 
+// What PLUS sends of a tool out of view: a pose, and that it means nothing.
+static void a_tool_that_is_said_to_be_missing_is_lost(void **state) {
+    (void)state;
+    struct mockup m = start(1, "--motion", in_folder("motion.csv"), "--tracker", "127.0.0.1:0",
+                            "--header-version", "2", "--message", "TDATA", "--faults",
+                            faults("tracker", "missing", 0.5, 0.4, NULL, "1"));
+    const struct device_option options[] = {
+        {"driver", "tracker"}, {"address", m.tracker}, {"tool.probe", "probe"}, {"hold_ms", "50"}};
+    struct runner *runner = station_of("camera", options);
+    wait_for(runner, VALIDITY_OK);
+    wait_for(runner, VALIDITY_LOST);
+    assert_non_null(strstr(status_of(runner).problem, "reports no value"));
+    watch(runner, 10, check_probe);
+    assert_int_equal(0, status_of(runner).jumps);
+    runner_destroy(&runner);
+    assert_int_equal(0, ended(&m, SIGTERM));
+}
+
 // ---- recordings ---------------------------------------------------------------------------------
 
 // 50 rows at 50 Hz, of which row 25 lies far away, and row 40 is not valid.
@@ -414,87 +431,11 @@ static void strangers_do_not_disturb(void **state) {
     assert_int_equal(0, ended(&m, SIGTERM));
 }
 
-// ---- the command line ---------------------------------------------------------------------------
-
-static void the_command_line_is_checked(void **state) {
-    (void)state;
-    const char *motion = in_folder("motion.csv"), *plain = in_folder("glitch.csv");
-    const struct {
-        int code;
-        const char *arguments[8];
-    } rows[] = {
-        {2, {NULL}},
-        {2, {"--motion", motion}},
-        {2, {"--motion", motion, "--tool", "probe", "--tracker", "127.0.0.1:0"}},
-        {2, {"--motion", motion, "--recording", plain, "--tracker", "127.0.0.1:0"}},
-        {2, {"--recording", plain, "--tracker", "127.0.0.1:0"}},
-        {2, {"--recording", plain, "--tool", "hammer", "--tracker", "127.0.0.1:0"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--message", "IMAGE"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--header-version", "4"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--rate", "0"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--T-tool-tip", "probe=1"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--T-tracker-mockup", "here"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "extra"}},
-        {2, {"--fly"}},
-        {1, {"--motion", plain, "--tracker", "127.0.0.1:0"}},
-        {1, {"--motion", "/nowhere.csv", "--tracker", "127.0.0.1:0"}},
-        {1, {"--motion", motion, "--tracker", "nowhere"}},
-        {1, {"--motion", motion, "--tracker", "192.0.2.1:0"}},
-        {1, {"--motion", motion, "--modbus-rtu", motion}},
-        {1, {"--motion", motion, "--tracker", "127.0.0.1:0", "--faults", motion}},
-    };
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
-        struct mockup m = started(0, rows[i].arguments);
-        int code = ended(&m, 0);
-        if (code != rows[i].code)
-            fail_msg("row %zu: exit %d, not %d", i, code, rows[i].code);
-    }
-    assert_int_equal(0, access(motion, R_OK)); // the refused --modbus-rtu left it alone
-}
-
-static void a_file_of_faults_is_checked(void **state) {
-    (void)state;
-    const struct {
-        const char *file, *complaint;
-    } rows[] = {
-        {"[fault a]\nwho = camera\n", "line 2"},
-        {"[fault a]\nwhat = boredom\n", "line 2"},
-        {"[fault a]\nat_s = soon\n", "line 2"},
-        {"[fault a]\nevery = 0\n", "line 2"},
-        {"[fault a]\nhow = badly\n", "line 2"},
-        {"[flaw a]\nwho = modbus\n", "line 2"},
-        {"at_s = 1\n", "line 1"},
-        {"[fault a]\nwho = modbus\nwhat = freeze\nat_s = 1\n", "[fault a]: needs"},
-        {"[fault a]\nwho=modbus\nwhat=clock-step\nvalue=1\nat_s=1\nfor_s=1\n", "modbus has no"},
-        {"[fault a]\nwho=tracker\nwhat=wrong-slave\nat_s=1\nfor_s=1\n", "tracker has no"},
-        {"[fault a]\nwho=tracker\nwhat=jump\nat_s=1\nfor_s=1\n", "needs a value"},
-        {"[fault a]\nwho=tracker\nwhat=junk\nvalue=1\nat_s=1\nfor_s=1\n", "takes no value"},
-        {"[fault a]\nwho=tracker\nwhat=late\nvalue=-1\nat_s=1\nfor_s=1\n", "0 to 10000"},
-    };
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
-        FILE *file = fopen(in_folder("faults.ini"), "w");
-        struct faults faults = {0};
-        struct error err;
-        fputs(rows[i].file, file);
-        fclose(file);
-        if (faults_read(in_folder("faults.ini"), &faults, &err) == RESULT_OK ||
-            !strstr(err.text, rows[i].complaint))
-            fail_msg("row %zu: %s", i, err.text);
-    }
-}
-
 static int prepare(void **state) {
-    (void)state;
-    folder_make(folder);
+    int failed = make_folder(state);
     write_motion();
     write_glitch();
-    return 0;
-}
-
-static int clean_up(void **state) {
-    (void)state;
-    folder_remove(folder);
-    return 0;
+    return failed;
 }
 
 int main(void) {
@@ -509,10 +450,9 @@ int main(void) {
         cmocka_unit_test(a_tracker_that_sends_only_when_asked_is_asked),
         cmocka_unit_test(a_tracker_that_vanishes_is_held_lost_and_found_again),
         cmocka_unit_test(a_silent_tracker_keeps_its_connection),
+        cmocka_unit_test(a_tool_that_is_said_to_be_missing_is_lost),
         cmocka_unit_test(a_glitch_of_the_tracker_never_reaches_a_frame),
         cmocka_unit_test(strangers_do_not_disturb),
-        cmocka_unit_test(the_command_line_is_checked),
-        cmocka_unit_test(a_file_of_faults_is_checked),
     };
-    return cmocka_run_group_tests_name("mockup", tests, prepare, clean_up);
+    return cmocka_run_group_tests_name("mockup", tests, prepare, remove_folder);
 }

@@ -8,8 +8,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-char folder[FOLDER_MAX];
-
 static void keep_line(struct mockup *m, const char *line) {
     if (sscanf(line, "modbus-tcp %63s", m->modbus_tcp) == 1 ||
         sscanf(line, "modbus-rtu %127s", m->modbus_rtu) == 1 ||
@@ -52,12 +50,4 @@ int ended(struct mockup *m, int signal_number) {
         kill(m->pid, signal_number);
     assert_int_equal(m->pid, waitpid(m->pid, &status, 0));
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-const char *in_folder(const char *name) {
-    static char paths[4][128];
-    static int next;
-    char *path = paths[next++ % 4];
-    snprintf(path, sizeof paths[0], "%s/%s", folder, name);
-    return path;
 }

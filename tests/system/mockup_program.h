@@ -1,11 +1,7 @@
 // The real mock-up program as a child of a test.
 #pragma once
 
-#include "folder.h"
-
 #include <sys/types.h>
-
-extern char folder[FOLDER_MAX]; // of the test: folder_make it first
 
 struct mockup {
     pid_t pid;
@@ -19,5 +15,3 @@ struct mockup started(int lines, const char *const *arguments);
 
 // Its exit code after the signal; -1 where it died of it.
 int ended(struct mockup *m, int signal_number);
-
-const char *in_folder(const char *name); // the last four stay

@@ -1,8 +1,9 @@
 // Several slaves of the mock-up on one line, and all types of their registers.
 
 #include "base/clock.h"
-#include "device/runner.h"
+#include "in_folder.h"
 #include "mockup_program.h"
+#include "samples/runner.h"
 #include "test.h"
 
 #include <signal.h>
@@ -151,13 +152,10 @@ static void options_that_name_no_slave_are_refused(void **state) {
 }
 
 int main(void) {
-    folder_make(folder);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(three_slaves_of_a_line_speak_all_types_in_each_order),
         cmocka_unit_test(only_the_lines_own_settings_are_heard),
         cmocka_unit_test(options_that_name_no_slave_are_refused),
     };
-    int failed = cmocka_run_group_tests_name("mockup_slaves", tests, NULL, NULL);
-    folder_remove(folder);
-    return failed;
+    return cmocka_run_group_tests_name("mockup_slaves", tests, make_folder, remove_folder);
 }

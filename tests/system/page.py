@@ -67,6 +67,13 @@ def mismatch(data):
     return found
 
 
+def group(data):
+    v = one(data)
+    return {"name": text(v.get(1)), "kind": v.get(2, 0), "label": text(v.get(3)),
+            "colour": struct.unpack("<I", v.get(4, bytes(4)))[0], "own_colour": bool(v.get(5, 0)), "side": v.get(6, 0),
+            "cuttable": bool(v.get(7, 0)), "has_zones": bool(v.get(8, 0))}
+
+
 class Browser:
     """Who signed in: with the cookie that the server gave."""
 
@@ -200,7 +207,8 @@ class Page(Connection):
         self.sessions.append({"id": v.get(2, b"").hex(), "station": text(v.get(3)), "trainee": text(v.get(4)),
                               "case": text(v.get(5)), "length_s": long(v.get(8)) / 1e9, "recorded": bool(v.get(9, 0)),
                               "own_case": text(v.get(10)),
-                              "instruments": {one(i).get(1, 0): text(one(i).get(2)) for n, i in fields(data) if n == 14}})
+                              "instruments": {one(i).get(1, 0): text(one(i).get(2)) for n, i in fields(data) if n == 14},
+                              "groups": [group(g) for n, g in fields(data) if n == 15]})
         if self.sessions[-1]["id"].strip("0") and not self.sessions[-1]["recorded"]:
             self.say(4, b"")  # MeshAsk: nothing is here yet
 

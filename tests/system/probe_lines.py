@@ -23,7 +23,7 @@ class Probe(SystemTest):
         self.assertEqual([(row["slave"], row["baud"], row["stop_bits"], row["sequence"]) for row in found["modbus"]],
                          [(1, 19200, 2, 0), (2, 19200, 2, 0)])
         for row in found["modbus"]:
-            self.assertEqual(len(row["registers"]), 38)
+            self.assertEqual(len(row["registers"]), 46)
             low, high = row["registers"][14:16]  # varus
             self.assertAlmostEqual(struct.unpack(">f", struct.pack(">HH", high, low))[0], 1.3, places=5)
         text = found["config"]
@@ -38,6 +38,17 @@ class Probe(SystemTest):
         found = call_json("arthron-station", "probe", "--modbus", address, "--slaves", "5")
         self.assertEqual([row["slave"] for row in found["modbus"]], [1, 2, 3])
         self.assertEqual([row["registers"][10] for row in found["modbus"]], [1, 2, 3])
+
+    def test_the_forces_of_a_tracker(self):
+        rows = [f"{i / 100:.2f},1,2,3,1,0,0,0,1,2.5" for i in range(100)]
+        recording = self.write("force.csv", "\n".join(
+            ["t_seconds,tx_mm,ty_mm,tz_mm,qw,qx,qy,qz,valid,force_n", *rows, ""]))
+        mockup = self.start("mockup", "arthron-mockup", "--recording", recording, "--tool", "probe", "--tracker",
+                            "127.0.0.1:0")
+        wait_until("the mock-up's tracker", lambda: "tracker " in mockup.out())
+        found = call_json("arthron-station", "probe", "--tracker", mockup.out().split()[1])
+        self.assertEqual(found["trackers"][0]["sensors"], [{"name": "probeForce", "is_force": True, "values": [2.5]}])
+        self.assertIn("; probeForce: SENSOR with 1 numbers: 2.5 N\n; force.CHANNEL = probeForce\n", found["config"])
 
     def test_a_line_without_slaves_says_what_to_look_at(self):
         line = self.path("line")

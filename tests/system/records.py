@@ -188,8 +188,10 @@ class Records(SystemTest):
                                 ("undo refused", f"station room-1 {of_it}"), ("stop", f"station room-1 {of_it}")])
 
     def test_a_session_that_the_records_do_not_know_yet_goes_on_after_a_kill(self):
-        self.start_server(STATION, "records = records.db").end()
+        first = self.start_server(STATION, "records = records.db")
         writing = sqlite3.connect(self.db, isolation_level=None)
+        wait_until("the tables", lambda: writing.execute("SELECT 1 FROM sqlite_master WHERE name = 'session'").fetchone())
+        first.end()
         server = self.start_server(STATION, "records = records.db")
         writing.execute("BEGIN IMMEDIATE")  # so the recorder waits
         self.start_mockup()

@@ -3,6 +3,7 @@ held against the specification's own rules (xAPI 1.0.3, part two), written here 
 
 import csv
 import datetime
+import fcntl
 import json
 import os
 import pty
@@ -241,6 +242,16 @@ class Commands(unittest.TestCase):
         call("arthron-server", "backup", "--file", self.db, "--out", self.path("plain.db"))
         self.assertIn("is not encrypted; leave out --passphrase", restore(self.path("plain.db"), code=1).stderr)
         self.assertEqual([name for name in os.listdir(self.folder) if "draft" in name or "part" in name], [])
+        with open(self.db + ".backup-lock") as lock:  # as another one holds it, whose draft stays
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            with open(self.db + ".backup-draft", "w") as f:
+                f.write("of another")
+            self.assertIn("another encrypted backup or restore is under way", restore(code=1).stderr)
+            busy = call("arthron-server", "backup", "--file", self.db, "--out", self.path("c"), "--passphrase", right, code=1)
+            self.assertIn("another encrypted backup or restore is under way", busy.stderr)
+            with open(self.db + ".backup-draft") as f:
+                self.assertEqual(f.read(), "of another")
+        restore()
 
     # ---- the audit log
 

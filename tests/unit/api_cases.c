@@ -49,6 +49,11 @@ static void cases_come_with_their_grade_and_files(void **state) {
     assert_int_equal(count_at("cases"), 2);
     assert_string_equal(text_at("cases.0.title"), "A knee of boxes – ½");
     assert_string_equal(text_at("cases.0.groups.0.name"), "tibia");
+    assert_string_equal(text_at("cases.0.groups.3.name"), "meniscus_medial");
+    assert_string_equal(text_at("cases.0.groups.3.tissue"), "meniscus");
+    assert_string_equal(text_at("cases.0.groups.3.label"), "Medial meniscus");
+    assert_string_equal(text_at("cases.0.groups.3.colour"), "#a8c4d6");
+    assert_string_equal(text_at("cases.0.groups.3.side"), "medial");
     assert_string_equal(text_at("cases.0.grade"), "unchecked");
     assert_string_equal(text_at("cases.1.grade"), "broken");
     assert_null(strchr(text_at("cases.1.grade_reason"), '/')); // whose disk it is on is no page's

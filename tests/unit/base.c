@@ -295,6 +295,25 @@ static void frames_from_outside_are_checked(void **state) {
     assert_false(frame_is_valid(&bad));
 }
 
+static void forces_from_outside_are_checked(void **state) {
+    (void)state;
+    const struct {
+        enum channel channel;
+        double force_n;
+        bool good;
+    } rows[] = {
+        {CHANNEL_PROBE, 8.5, true},  {CHANNEL_TIBIA, -1000, true},
+        {CHANNEL_JOINT, 1, false},   {CHANNEL_PROBE, 1000.5, false},
+        {CHANNEL_PROBE, NAN, false}, {CHANNEL_FEMUR, -INFINITY, false},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct frame frame = {.count = 1};
+        frame.samples[0] = (struct sample){.channel = rows[i].channel, .kind = SAMPLE_FORCE};
+        frame.samples[0].force_n = rows[i].force_n;
+        assert_int_equal(frame_is_valid(&frame), rows[i].good);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(one_slow_ping_does_not_change_the_round_trip),
@@ -310,6 +329,7 @@ int main(void) {
         cmocka_unit_test(bytes_come_back_and_stay_in_bounds),
         cmocka_unit_test(a_ring_gives_back_in_order_and_refuses_when_full),
         cmocka_unit_test(frames_from_outside_are_checked),
+        cmocka_unit_test(forces_from_outside_are_checked),
     };
     return cmocka_run_group_tests_name("base", tests, NULL, NULL);
 }

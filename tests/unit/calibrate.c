@@ -4,7 +4,7 @@
 #include "calibrate/landmarks.h"
 #include "calibrate/noise.h"
 #include "calibrate/pivot.h"
-#include "device/recording.h"
+#include "drivers/recording.h"
 #include "random.h"
 #include "test.h"
 

@@ -220,8 +220,8 @@ static void landmarks_that_are_not_where_their_names_say_make_a_case_unfit(void 
         vec3 way;
         const char *text;
     } rows[] = {
-        {"notch", NULL, {0, 0, -60}, "mm off femur"},
-        {"body_lateral", NULL, {0, 0, 20}, "mm off meniscus_lateral"},
+        {"notch", NULL, {0, 0, -60}, "mm off the femur"},
+        {"body_lateral", NULL, {0, 0, 20}, "mm off the lateral meniscus"},
         {"condyle_medial", "condyle_lateral", {0}, "to the lateral side"},
         {"plateau_lateral", "plateau_medial", {0}, "to the medial side"},
         {"horn_anterior_medial", "horn_posterior_medial", {0}, "lies behind body_medial"},
@@ -254,7 +254,7 @@ static void a_landmark_somewhat_off_its_surface_is_told(void **state) {
     landmark(knee, "condyle_medial")->at.z -= 7;
     struct case_check *check = check_knee(knee);
     assert_int_equal(check->grade, GRADE_WARNINGS);
-    assert_non_null(find_finding(check, FINDING_WARNING, "condyle_medial", "mm off femur"));
+    assert_non_null(find_finding(check, FINDING_WARNING, "condyle_medial", "mm off the femur"));
     check_destroy(&check);
 }
 

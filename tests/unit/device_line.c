@@ -1,7 +1,7 @@
 // Several slaves on one serial line (a pseudo terminal), each a device of its own.
 
 #include "base/clock.h"
-#include "device/device.h"
+#include "drivers/device.h"
 #include "other_slaves.h"
 #include "test.h"
 

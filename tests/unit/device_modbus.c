@@ -1,7 +1,7 @@
 // The modbus driver against slaves that misbehave, on a serial line (a pseudo terminal).
 
 #include "base/clock.h"
-#include "device/device.h"
+#include "drivers/device.h"
 #include "test.h"
 
 #include <fcntl.h>

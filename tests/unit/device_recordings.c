@@ -1,8 +1,8 @@
 // Real trackers' recordings, through the guard as the runner uses it.
 
 #include "base/clock.h"
-#include "device/recording.h"
-#include "device/slot.h"
+#include "drivers/recording.h"
+#include "samples/slot.h"
 #include "test.h"
 
 #include <stdio.h>
@@ -28,7 +28,7 @@ struct counts {
 static struct counts play(const struct recording *r) {
     struct slot slot;
     struct counts counts = {0};
-    slot_init(&slot, CHANNEL_PROBE, SAMPLE_POSE, 0, 100, 50);
+    slot_init(&slot, CHANNEL_PROBE, SAMPLE_POSE, 0, 100, SLOT_JUMP_MM);
     for (int i = 0; i < r->row_count; i++) {
         const struct recording_state *s = &r->tools[0].states[i];
         struct sample sample = {.channel = CHANNEL_PROBE,

@@ -2,9 +2,9 @@
 // https://pluslib.readthedocs.io/en/latest/file-formats/FileSequenceFile.html
 
 #include "base/clock.h"
-#include "device/drivers.h"
-#include "device/recording.h"
-#include "folder.h"
+#include "drivers/drivers.h"
+#include "drivers/recording.h"
+#include "in_folder.h"
 #include "test.h"
 
 #include <stdio.h>
@@ -24,8 +24,6 @@
 #define TOOL(n, name, matrix, status)                                                              \
     "Seq_Frame000" #n "_" name "Transform = " matrix "\nSeq_Frame000" #n "_" name                  \
     "TransformStatus = " status "\n"
-
-static char folder[FOLDER_MAX];
 
 static const char *written_bytes(const char *text, size_t size) {
     static char path[128];
@@ -260,18 +258,6 @@ static void a_table_has_no_transforms(void **state) {
     assert_int_equal(RESULT_INVALID, recording_read_tools(path, &tools, &r, &err));
     assert_non_null(strstr(err.text, "is a table; tool.punch is for metafiles alone"));
     recording_fini(&r);
-}
-
-static int make_folder(void **state) {
-    (void)state;
-    folder_make(folder);
-    return 0;
-}
-
-static int remove_folder(void **state) {
-    (void)state;
-    folder_remove(folder);
-    return 0;
 }
 
 int main(void) {

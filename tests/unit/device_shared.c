@@ -2,9 +2,9 @@
 // the others.
 
 #include "base/clock.h"
-#include "device/device.h"
-#include "device/runner.h"
+#include "drivers/device.h"
 #include "other_slaves.h"
+#include "samples/runner.h"
 #include "test.h"
 
 #include <stdio.h>
@@ -105,6 +105,43 @@ static void an_echo_is_passed_over_where_the_config_says_that_there_is_one(void 
     other_slaves_stop(&slaves);
 }
 
+// The error of the first poll that has one.
+static struct error refused(const struct device_option *options) {
+    struct device_config config = config_of("encoders", options);
+    struct device_outputs outputs = {0};
+    struct device_reading reading = {0};
+    struct error err = {{0}};
+    void *device;
+    if (driver->create(&config, &device, &outputs, &err) != RESULT_OK ||
+        driver->open(device, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    while (driver->poll(device, &reading, &err) == RESULT_OK)
+        assert_int_equal(reading.count, 0);
+    driver->close(device);
+    driver->destroy(device);
+    return err;
+}
+
+// Replies shorter than a request, longer, and with an address that reads as a long reply's size.
+static void a_config_that_is_wrong_about_an_echo_is_told_so(void **state) {
+    (void)state;
+    static const char *const flexion[] = {"5", "5 f32", "40000"};
+    struct other_slaves slaves;
+    other_slaves_start(&slaves);
+    for (int i = 0; i < 6; i++) {
+        bool echo = i % 2;
+        atomic_store(&slaves.echo, echo);
+        const struct device_option options[OPTIONS_MAX] = {
+            {"serial", slaves.name}, {"echo", echo ? "no" : "yes"}, {"flexion", flexion[i / 2]}};
+        struct error err = refused(options);
+        if (!strstr(err.text, echo ? "the adapter hears itself: set echo = yes"
+                                   : "the adapter does not hear itself: set echo = no"))
+            fail_msg("%s", err.text);
+        usleep(20000); // the reply's rest comes before the next device
+    }
+    other_slaves_stop(&slaves);
+}
+
 // ---- one slave and the others -------------------------------------------------------------------
 
 struct shared {
@@ -198,6 +235,61 @@ static void a_dead_slave_is_asked_seldom_until_it_answers(void **state) {
     }
 }
 
+// A poll that waits in steps comes back without a reading before the reply is there.
+static void a_slow_slave_is_waited_for_in_steps(void **state) {
+    (void)state;
+    for (int tcp = 0; tcp < 2; tcp++) {
+        struct other_slaves slaves;
+        (tcp ? other_slaves_start_gateway : other_slaves_start)(&slaves);
+        atomic_store(&slaves.each[2].delay_ms, 350);
+        const struct device_option options[OPTIONS_MAX] = {
+            {tcp ? "address" : "serial", slaves.name},
+            {"slave", "2"},
+            {"timeout_ms", "2000"},
+            {"flexion", "5"}};
+        const struct device_config config = config_of("slow", options);
+        struct device_outputs outputs = {0};
+        struct device_reading reading = {0};
+        struct error err;
+        void *device;
+        if (driver->create(&config, &device, &outputs, &err) != RESULT_OK ||
+            driver->open(device, &err) != RESULT_OK)
+            fail_msg("%s", err.text);
+        int empty = 0;
+        for (; !reading.count; empty += !reading.count)
+            assert_int_equal(RESULT_OK, driver->poll(device, &reading, &err));
+        assert_true(empty >= 2);
+        assert_near(reading.samples[0].joint.flexion_deg, 2005, 0);
+        assert_int_equal(atomic_load(&slaves.each[2].asked), 1);
+        for (int i = 0; i < 2; i++) // and closed while it waits
+            driver->poll(device, &reading, &err);
+        driver->close(device);
+        driver->destroy(device);
+        other_slaves_stop(&slaves);
+    }
+}
+
+// Each byte comes soon after the last one, and the reply takes as long as three others' time.
+static void a_slave_that_drips_costs_the_others_little(void **state) {
+    (void)state;
+    for (int tcp = 0; tcp < 2; tcp++) {
+        struct shared s;
+        (tcp ? other_slaves_start_gateway : other_slaves_start)(&s.slaves);
+        atomic_store(&s.slaves.each[DEAD].drip_ms, 10);
+        run_all(&s, tcp, "50");
+        for (int i = 0; i < 4; i++) {
+            wait_for_readings(&s, PROMPT, ENOUGH / 2);
+            expect_value_of_the_prompt_one(&s);
+        }
+        assert_true(atomic_load(&s.slaves.each[DEAD].asked) >= 1);
+        assert_int_equal(status_of(&s, DEAD).readings, 0);
+        assert_int_equal(status_of(&s, PROMPT).malformed, 0);
+        atomic_store(&s.slaves.each[DEAD].drip_ms, 0);
+        wait_for_readings(&s, DEAD, 3);
+        end(&s);
+    }
+}
+
 static void a_wrong_checksum_is_refused_and_the_others_go_on(void **state) {
     (void)state;
     struct shared s;
@@ -209,6 +301,30 @@ static void a_wrong_checksum_is_refused_and_the_others_go_on(void **state) {
     assert_true(status_of(&s, LATE).malformed >= 1);
     assert_int_equal(status_of(&s, PROMPT).malformed, 0);
     end(&s);
+}
+
+// Each third reply has a wrong checksum: the channel is held for a moment, and never lost.
+static void a_reply_with_a_wrong_checksum_costs_one_reading(void **state) {
+    (void)state;
+    struct other_slaves slaves;
+    other_slaves_start(&slaves);
+    atomic_store(&slaves.each[2].spoil_every, 3);
+    const struct device_option options[OPTIONS_MAX] = {
+        {"driver", "modbus"}, {"serial", slaves.name}, {"slave", "2"},
+        {"rate_hz", "50"},    {"hold_ms", "300"},      {"flexion", "3 0.01"}};
+    const struct device_config config = config_of("knee", options);
+    struct runner *runner;
+    struct error err;
+    struct device_status status;
+    if (runner_create(&config, 1, &runner, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    do {
+        usleep(5000);
+        runner_status(runner, 0, &status);
+    } while (status.malformed < 6);
+    assert_int_equal(status.losses, 0);
+    runner_destroy(&runner);
+    other_slaves_stop(&slaves);
 }
 
 static void the_slaves_behind_a_gateway_share_one_connection(void **state) {
@@ -223,16 +339,69 @@ static void the_slaves_behind_a_gateway_share_one_connection(void **state) {
     end(&s);
 }
 
+// ---- a joint of two encoders --------------------------------------------------------------------
+
+static struct frame joint_of(struct runner *runner, enum validity wanted) {
+    struct frame frame;
+    do {
+        usleep(1000);
+        frame = (struct frame){.number = 1};
+        runner_collect(runner, clock_now_ns(), &frame);
+    } while (frame.samples[0].validity != wanted);
+    assert_true(frame_is_valid(&frame));
+    return frame;
+}
+
+static void the_encoders_of_a_joint_may_be_several_slaves(void **state) {
+    (void)state;
+    struct other_slaves slaves;
+    other_slaves_start(&slaves);
+    const struct device_option knee[OPTIONS_MAX] = {{"driver", "modbus"},
+                                                    {"serial", slaves.name},
+                                                    {"slave", "2"},
+                                                    {"latency_ms", "20"},
+                                                    {"internal", "5 0.001"},
+                                                    {"drawer", "6 -0.001"}},
+                               turn[OPTIONS_MAX] = {{"driver", "modbus"},  {"serial", slaves.name},
+                                                    {"slave", "1"},        {"latency_ms", "20"},
+                                                    {"flexion", "3 0.01"}, {"punch.buttons", "7"}};
+    const struct device_config configs[] = {config_of("turn", knee), config_of("knee", turn)};
+    struct runner *runner;
+    struct error err;
+    if (runner_create(configs, 2, &runner, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    struct frame frame = joint_of(runner, VALIDITY_OK);
+    assert_int_equal(frame.count, 2);
+    const struct sample *joint = &frame.samples[0];
+    assert_near(joint->joint.flexion_deg, 10.03, 1e-9);
+    assert_near(joint->joint.internal_deg, 2.005, 1e-9);
+    assert_near(joint->joint.drawer_mm, -2.006, 1e-9);
+    assert_int_equal(joint->device, 1);
+    for (int slave = 1; slave <= 2; slave++) { // as valid as the worst
+        atomic_store(&slaves.each[slave].silent, true);
+        joint_of(runner, VALIDITY_LOST);
+        atomic_store(&slaves.each[slave].silent, false);
+        joint_of(runner, VALIDITY_OK);
+    }
+    runner_destroy(&runner);
+    other_slaves_stop(&slaves);
+}
+
 int main(void) {
     driver = device_driver("modbus");
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(values_of_two_input_registers_are_read_in_each_order),
         cmocka_unit_test(registers_are_counted_as_the_maker_does),
         cmocka_unit_test(an_echo_is_passed_over_where_the_config_says_that_there_is_one),
+        cmocka_unit_test(a_config_that_is_wrong_about_an_echo_is_told_so),
         cmocka_unit_test(replies_that_are_always_late_cost_the_others_nothing),
         cmocka_unit_test(a_dead_slave_is_asked_seldom_until_it_answers),
+        cmocka_unit_test(a_slow_slave_is_waited_for_in_steps),
+        cmocka_unit_test(a_slave_that_drips_costs_the_others_little),
         cmocka_unit_test(a_wrong_checksum_is_refused_and_the_others_go_on),
+        cmocka_unit_test(a_reply_with_a_wrong_checksum_costs_one_reading),
         cmocka_unit_test(the_slaves_behind_a_gateway_share_one_connection),
+        cmocka_unit_test(the_encoders_of_a_joint_may_be_several_slaves),
     };
     return cmocka_run_group_tests_name("device_shared", tests, NULL, NULL);
 }

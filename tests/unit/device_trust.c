@@ -1,9 +1,9 @@
 // Which values a station trusts: sources that shake, and messages that are late.
 
 #include "base/clock.h"
-#include "device/slot.h"
-#include "device/stamp.h"
+#include "drivers/stamp.h"
 #include "random.h"
+#include "samples/slot.h"
 #include "test.h"
 
 // ---- noise --------------------------------------------------------------------------------------
@@ -147,6 +147,68 @@ static void a_clock_that_is_set_back_a_little_begins_anew(void **state) {
     }
 }
 
+// Of a minute of messages at 60 Hz: is the stamp found to be no clock?
+static bool is_found_out(double (*stamp_s)(double t, struct random *random), double jitter_s) {
+    struct random random = {5};
+    struct stamp_clock clock = {0};
+    struct stamp_trial trial = {0};
+    double arrival = 0;
+    for (int i = 0; i < 60 * 60; i++) {
+        double t = 10 + i / 60.0;
+        arrival = fmax(arrival, t + random_between(&random, 0, jitter_s));
+        int64_t arrival_ns = (int64_t)(arrival * 1e9);
+        enum stamp_verdict verdict =
+            stamp_judge(&clock, (int64_t)(1e9 * (1.7e9 + stamp_s(t, &random))), arrival_ns);
+        if (stamp_is_no_clock(&trial, verdict, arrival_ns))
+            return true;
+    }
+    return false;
+}
+
+static double right(double t, struct random *random) {
+    (void)random;
+    return t;
+}
+
+static double nanoseconds_for_a_fraction(double t, struct random *random) {
+    (void)random;
+    return floor(t) + (t - floor(t)) * 1e9 / 4294967296.0;
+}
+
+static double half_as_fast(double t, struct random *random) {
+    (void)random;
+    return t / 2;
+}
+
+static double a_stall(double t, struct random *random) { // of the network, 300 ms
+    (void)random;
+    return t > 30 && t < 33 ? t - 0.3 : t;
+}
+
+static double set_at; // when the clock is set back
+
+static double set_back(double t, struct random *random) {
+    (void)random;
+    return t > set_at ? t - 3 : t;
+}
+
+static double anything(double t, struct random *random) {
+    (void)t;
+    return random_between(random, -1e6, 1e6);
+}
+
+static void stamps_that_are_no_clock_are_found_out(void **state) {
+    (void)state;
+    assert_true(is_found_out(nanoseconds_for_a_fraction, 0.02));
+    assert_true(is_found_out(half_as_fast, 0.02));
+    assert_true(is_found_out(anything, 0.02));
+    assert_false(is_found_out(right, 0.02));
+    assert_false(is_found_out(right, 0.3));
+    assert_false(is_found_out(a_stall, 0.02));
+    for (set_at = 30; set_at < 33.2; set_at += 1 / 60.0)
+        assert_false(is_found_out(set_back, 0.02));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(noise_beyond_a_hands_motion_is_refused_and_a_hand_is_not),
@@ -155,6 +217,7 @@ int main(void) {
         cmocka_unit_test(a_clock_that_drifts_a_little_is_no_trouble),
         cmocka_unit_test(jitter_and_drift_leave_the_time_of_a_measurement),
         cmocka_unit_test(a_clock_that_is_set_back_a_little_begins_anew),
+        cmocka_unit_test(stamps_that_are_no_clock_are_found_out),
     };
     return cmocka_run_group_tests_name("device_trust", tests, NULL, NULL);
 }

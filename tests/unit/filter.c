@@ -1,10 +1,10 @@
 // The one-euro filter against closed forms and a plain transcription of its paper.
 
-#include "device/filter.h"
+#include "samples/filter.h"
 
 #include "base/clock.h"
-#include "device/runner.h"
 #include "random.h"
+#include "samples/runner.h"
 #include "test.h"
 
 #include <string.h>
@@ -45,6 +45,8 @@ static struct sample after_steady_motion(struct filter *f, enum sample_kind kind
                 (struct joint_angles){rate * t / 3, rate * t * 2 / 3, -rate * t * 2 / 3, rate * t};
         if (kind == SAMPLE_HANDLE)
             s.handle = (struct handle){rate * t / 100, 5};
+        if (kind == SAMPLE_FORCE)
+            s.force_n = rate * t;
         filter_apply(f, &s);
     }
     return s;
@@ -73,6 +75,8 @@ static void a_steady_motion_lags_by_the_latency_that_is_stated(void **state) {
             } else if (kind == SAMPLE_JOINT) {
                 assert_near(s.joint.varus_deg, behind * 2 / 3, 1e-6);
                 assert_near(s.joint.shift_mm, behind, 1e-6);
+            } else if (kind == SAMPLE_FORCE) {
+                assert_near(s.force_n, behind, 1e-6);
             } else {
                 assert_near(s.handle.opening, behind / 100, 1e-8);
                 assert_int_equal(s.handle.buttons, 5);

@@ -125,6 +125,12 @@ void hall_frame(struct sessions *sessions, vec3 tip) {
     }
 }
 
+void hall_mark(struct sessions *sessions, uint64_t number, int64_t time_ns) {
+    arthron_Control message = {.which_message = arthron_Control_marker_tag,
+                               .message.marker = {number, time_ns, "start", "pedal", 1}};
+    station_handler(sessions).on_message(sessions, nobody, &message);
+}
+
 struct station_status hall_status(struct sessions *sessions) {
     struct station_status status;
     sessions_status(sessions, 0, &status);

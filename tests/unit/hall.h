@@ -23,6 +23,9 @@ const arthron_CommandReply *hall_command(struct sessions *sessions, arthron_Comm
 // A frame with a running burr at `tip`.
 void hall_frame(struct sessions *sessions, vec3 tip);
 
+// A marker of the station, by its clock, which is ours.
+void hall_mark(struct sessions *sessions, uint64_t number, int64_t time_ns);
+
 // Cuts the meniscus with a running burr, from one share of its length to another.
 void hall_shave_part(struct sessions *sessions, double from, double to);
 void hall_shave(struct sessions *sessions); // from end to end

@@ -1,10 +1,11 @@
 // What reports of HID devices say, and what configs may ask of them: no device.
 
-#include "device/device.h"
-#include "device/hid_report.h"
+#include "drivers/device.h"
+#include "drivers/hid_report.h"
 #include "random.h"
 #include "test.h"
 
+#include <stdio.h>
 #include <string.h>
 
 static struct hid_axis axis(const char *text) {
@@ -91,6 +92,8 @@ static void an_opening_runs_from_closed_to_open(void **state) {
         {"0 8 0 200 0.1", {180}, 1},
         {"0 8 0 200 0.1", {190}, 1},
         {"1 1 0 1", {2}, 1},
+        {"0 8 0 100 signed", {0xfb}, 0}, // -5, a trigger at rest
+        {"0 8 10 100 0.1 signed", {0xfb}, 0},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct hid_layout layout = punch_layout(rows[i].layout, NULL);
@@ -118,6 +121,55 @@ static void an_opening_never_goes_back_while_the_raw_value_goes_on(void **state)
         }
         assert_true(last == 1);
     }
+}
+
+// Of any width, sign, scale and place: what a field says is its number, and nothing at its ends.
+static void a_force_is_its_field_by_scale_and_offset(void **state) {
+    (void)state;
+    struct random random = {3};
+    for (int n = 0; n < 20000; n++) {
+        uint8_t bytes[16] = {0};
+        bool is_signed = n % 2;
+        int count = 8 + (int)(random_bits(&random) % 25), bit = (int)(random_bits(&random) % 80);
+        int64_t range = INT64_C(1) << count, lowest = is_signed ? -range / 2 : 0;
+        int64_t raw = lowest + (int64_t)(random_bits(&random) & (uint64_t)(range - 1));
+        if (n % 10 == 0)
+            raw = lowest + range - 1;
+        if (n % 10 == 1)
+            raw = lowest; // n is odd: signed
+        double scale = random_between(&random, -2, 2), offset = random_between(&random, -5, 5);
+        char text[128];
+        snprintf(text, sizeof text, "%d %d %.12g %.12g %s", bit, count, scale, offset,
+                 is_signed ? "signed" : "unsigned");
+        struct hid_layout layout = {.forces[CHANNEL_TIBIA] = {.force.count = 1}};
+        struct hid_state values = {0};
+        uint32_t news;
+        put(bytes, bit, count, (uint64_t)raw);
+        assert_true(hid_gauge_parse(text, &layout.forces[CHANNEL_TIBIA].parts[0]));
+        assert_int_equal(RESULT_OK,
+                         hid_report_read(&layout, bytes, sizeof bytes, &values, &news, NULL));
+        assert_int_equal(news, 1u << (HID_FORCE_NEWS + CHANNEL_TIBIA));
+        double got = values.forces_n[CHANNEL_TIBIA][0], want = scale * (double)raw + offset;
+        if (n % 10 < 2)
+            assert_true(isnan(got));
+        else if (raw != lowest && raw != lowest + range - 1)
+            assert_near(got, want, 1e-9 * (1 + fabs(want)));
+    }
+}
+
+static void a_gauge_that_is_none_is_refused(void **state) {
+    (void)state;
+    static const char *const wrong[] = {"",       "0",           "0 33",         "-1 8",
+                                        "0 8 x",  "0 8 1 2 3",   "0 8 1 2 sign", "0 8 1e10",
+                                        "signed", "0 8 signed 1"};
+    struct hid_gauge gauge;
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        if (hid_gauge_parse(wrong[i], &gauge))
+            fail_msg("taken: \"%s\"", wrong[i]);
+    assert_true(hid_gauge_parse("3:16 12 unsigned", &gauge));
+    assert_int_equal(gauge.field.report, 3);
+    assert_false(gauge.is_signed);
+    assert_near(gauge.scale, 1, 0);
 }
 
 static void values_come_from_the_reports_that_carry_them(void **state) {
@@ -263,6 +315,8 @@ int main(void) {
         cmocka_unit_test(a_field_is_read_wherever_its_bits_lie),
         cmocka_unit_test(an_opening_runs_from_closed_to_open),
         cmocka_unit_test(an_opening_never_goes_back_while_the_raw_value_goes_on),
+        cmocka_unit_test(a_force_is_its_field_by_scale_and_offset),
+        cmocka_unit_test(a_gauge_that_is_none_is_refused),
         cmocka_unit_test(values_come_from_the_reports_that_carry_them),
         cmocka_unit_test(a_report_that_is_too_short_changes_nothing),
         cmocka_unit_test(a_handle_may_be_named_in_many_ways),

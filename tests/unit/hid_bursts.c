@@ -1,9 +1,9 @@
 // Reports of a HID device that come several at a time: their times, the channel, and the driver on
 // a hidapi that is played here.
 #include "base/clock.h"
-#include "device/device.h"
-#include "device/hid_stamp.h"
-#include "device/slot.h"
+#include "drivers/device.h"
+#include "drivers/hid_stamp.h"
+#include "samples/slot.h"
 #include "test.h"
 
 #include <hidapi.h>
@@ -286,6 +286,71 @@ static void no_report_of_a_burst_is_left_out(void **state) {
     driver->destroy(device);
 }
 
+// Three bytes as a vector of newtons: 3, 4 and 12 over what they say at rest.
+static void a_force_is_the_length_of_three_fields_without_what_they_say_at_rest(void **state) {
+    (void)state;
+    const struct device_option options[] = {
+        {"vid", "1209"},          {"pid", "1"},
+        {"serial", "left"},       {"probe.force", "1:0 8 0.1, 1:8 8 0.1 , 1:16 8 0.1 0 signed"},
+        {"zero.probe", "1 2 -1"}, {"punch.buttons", "1:0 8"}};
+    const struct device_config config = {"gauge", options, 6};
+    struct device_outputs outputs = {0};
+    struct error err;
+    void *device;
+    if (driver->create(&config, &device, &outputs, &err) != RESULT_OK ||
+        driver->open(device, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    assert_int_equal(outputs.count, 2);
+    queue(&handles[0], 40, 60, 110);
+    queue(&handles[0], 40, 127, 110); // at the end of its range
+    struct device_reading reading = polled(device, RESULT_OK);
+    assert_int_equal(reading.count, 4);
+    assert_int_equal(reading.samples[1].channel, CHANNEL_PROBE);
+    assert_int_equal(reading.samples[1].kind, SAMPLE_FORCE);
+    assert_near(reading.samples[1].force_n, 13, 1e-9);
+    assert_true(isnan(reading.samples[3].force_n));
+    driver->destroy(device);
+}
+
+// Of a device that gives nothing but markers, 40 reports at once: an edge in each eighth.
+static void no_edge_of_a_burst_is_left_out_and_each_has_its_reports_time(void **state) {
+    (void)state;
+    const struct device_option options[] = {{"vid", "1209"},
+                                            {"pid", "1"},
+                                            {"serial", "left"},
+                                            {"marker.start", "bit 1:8"},
+                                            {"marker.all", "bit 1:8 both"},
+                                            {"counter", "1:16 8 8"}};
+    const struct device_config config = {"pedal", options, 6};
+    struct device_outputs outputs = {0};
+    struct error err;
+    void *device;
+    if (driver->create(&config, &device, &outputs, &err) != RESULT_OK ||
+        driver->open(device, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    assert_int_equal(outputs.count, 0);
+    for (int i = 0; i < 40; i++)
+        queue(&handles[0], 0, i % 8 >= 4, (uint8_t)i);
+    struct device_reading reading = polled(device, RESULT_OK);
+    assert_int_equal(reading.count, 0);
+    assert_true(reading.heard);
+    int starts = 0, all = 0;
+    int64_t last_ns = 0;
+    for (int i = 0; i < reading.marker_count; i++) {
+        const struct device_marker *m = &reading.markers[i];
+        bool start = !strcmp(m->name, "start");
+        starts += start;
+        all += !start;
+        if (start && last_ns)
+            assert_near((double)(m->time_ns - last_ns) / NS_PER_MS, 64, 1e-3);
+        last_ns = start ? m->time_ns : last_ns;
+    }
+    assert_int_equal(starts, 5);
+    assert_int_equal(all, 9);
+    assert_true(polled(device, RESULT_OK).heard); // it reports changes only, so silence is no fault
+    driver->destroy(device);
+}
+
 static void what_a_handle_said_before_it_was_unplugged_is_read(void **state) {
     (void)state;
     void *device = opened("left", NULL);
@@ -333,6 +398,8 @@ int main(void) {
         cmocka_unit_test(a_backlog_does_not_make_the_channel_impatient),
         cmocka_unit_test(each_of_two_handles_that_are_alike_has_its_own_reports),
         cmocka_unit_test(no_report_of_a_burst_is_left_out),
+        cmocka_unit_test(a_force_is_the_length_of_three_fields_without_what_they_say_at_rest),
+        cmocka_unit_test(no_edge_of_a_burst_is_left_out_and_each_has_its_reports_time),
         cmocka_unit_test(what_a_handle_said_before_it_was_unplugged_is_read),
         cmocka_unit_test(of_more_reports_than_there_is_room_for_the_newest_are_read),
         cmocka_unit_test(a_counter_that_is_none_is_refused),

@@ -1,6 +1,6 @@
 // Report descriptors made here, good and malformed.
 
-#include "device/hid_descriptor.h"
+#include "drivers/hid_descriptor.h"
 
 #include "random.h"
 #include "test.h"

@@ -1,7 +1,7 @@
 // Report descriptors of real devices, from the shared data: each as the device gives it ("real")
 // and as hidapi rebuilds it from what Windows parsed ("expected").
 
-#include "device/hid_descriptor.h"
+#include "drivers/hid_descriptor.h"
 #include "test.h"
 
 #include <stdio.h>

@@ -69,6 +69,10 @@ static void a_bad_description_is_refused(void **state) {
     assert_refused(named(INSTRUMENT_TIP, "probe"), "taken");
     assert_refused(named(INSTRUMENT_TIP, "femur"), "taken");
     assert_refused(named(INSTRUMENT_TIP, "instrument_7"), "taken");
+    static const char *const of_others[] = {"probe_warped", "punch_handle", "virtual_femur",
+                                            "mockup_probe", "torn_1"};
+    for (size_t i = 0; i < sizeof of_others / sizeof *of_others; i++)
+        assert_refused(named(INSTRUMENT_TIP, of_others[i]), "taken");
     struct instrument one = named(INSTRUMENT_JAW, "one");
     one.length_mm = NAN, assert_refused(one, "length_mm");
     one.length_mm = 31, assert_refused(one, "length_mm");
@@ -93,6 +97,12 @@ static void there_is_room_for_three(void **state) {
         struct instrument one = named(INSTRUMENT_TIP, names[i]);
         assert_int_equal(instruments_add(&tools, &one, NULL), i < 3 ? RESULT_OK : RESULT_LIMIT);
     }
+    struct instruments warped = *instruments_usual();
+    struct instrument longer = named(INSTRUMENT_TIP, "b_warped"), b = named(INSTRUMENT_TIP, "b");
+    assert_int_equal(instruments_add(&warped, &longer, NULL), RESULT_OK);
+    assert_int_equal(instruments_add(&warped, &b, NULL), RESULT_INVALID);
+    struct instrument second = named(INSTRUMENT_TIP, "probe_2");
+    assert_int_equal(instruments_add(&warped, &second, NULL), RESULT_OK);
     struct instrument again = named(INSTRUMENT_TIP, "a");
     struct instruments one = *instruments_usual();
     assert_int_equal(instruments_add(&one, &again, NULL), RESULT_OK);

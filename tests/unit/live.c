@@ -173,6 +173,45 @@ static void a_page_that_looks_again_gets_all_remarks_again(void **state) {
     sessions_destroy(&sessions);
 }
 
+static void assert_is_first_marker(const struct page *page, int64_t time_ns) {
+    assert_int_equal(page->marker.number, 1);
+    assert_int_equal(page->marker.time_ns, time_ns);
+    assert_string_equal(page->marker.name, "start");
+    assert_string_equal(page->marker.device, "pedal");
+    assert_float_equal(page->marker.value, 1, 0);
+}
+
+static void pages_get_each_marker_once_live_and_from_the_record(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions);
+    struct page page;
+    char id[33] = "";
+    hall_join(sessions);
+    open_page(&page, live, &instructor);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 120);
+    draw_until(&page, &page.sessions, 1);
+    struct session_about about = hall_status(sessions).about;
+    int64_t now_ns = clock_now_ns();
+    hall_mark(sessions, 1, now_ns);
+    draw_until(&page, &page.markers, 1);
+    assert_is_first_marker(&page, now_ns - about.start_ns);
+    draw_for(&page, 50);
+    assert_int_equal(page.markers, 1);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 120); // again, as after a lost connection
+    draw_until(&page, &page.markers, 2);
+    hall_command(sessions, arthron_Command_Kind_STOP);
+    for (size_t i = 0; i < sizeof about.id; i++)
+        snprintf(id + 2 * i, 3, "%02x", about.id[i]);
+    page.markers = 0;
+    watch(&page, arthron_Watch_What_RECORDED, id, 10);
+    draw_until(&page, &page.markers, 1);
+    assert_is_first_marker(&page, now_ns - about.start_ns);
+    close_page(&page);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
 // What is cached of a station may be older than its session.
 static void metrics_are_of_the_session_that_is_shown(void **state) {
     (void)state;
@@ -369,6 +408,7 @@ int main(void) {
         cmocka_unit_test(pages_have_the_mesh_that_was_cut),
         cmocka_unit_test(a_new_session_has_a_new_mesh),
         cmocka_unit_test(a_page_that_looks_again_gets_all_remarks_again),
+        cmocka_unit_test(pages_get_each_marker_once_live_and_from_the_record),
         cmocka_unit_test(metrics_are_of_the_session_that_is_shown),
         cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),
         cmocka_unit_test(a_recorded_session_waits_for_its_page_and_not_for_others),

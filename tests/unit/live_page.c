@@ -125,6 +125,10 @@ static void take_item(struct page *page, const arthron_Live *item) {
         page->remarks++;
         page->remark = item->message.remark;
         break;
+    case arthron_Live_marker_tag:
+        page->markers++;
+        page->marker = item->message.marker;
+        break;
     case arthron_Live_metrics_tag:
         page->metrics++;
         page->time_s = value_of(&item->message.metrics, "time");

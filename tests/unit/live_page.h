@@ -21,9 +21,11 @@ struct page {
     arthron_Resection resection; // the last
     arthron_Place place;         // the last
     arthron_Remark remark;       // the last
-    arthron_CommandReply reply;  // the last
-    char trouble[256];           // the last
-    double time_s;               // that the session ran, by the last metrics
+    int markers;
+    arthron_Marker marker;      // the last
+    arthron_CommandReply reply; // the last
+    char trouble[256];          // the last
+    double time_s;              // that the session ran, by the last metrics
     struct tissue tissue;
     uint8_t *payload;
     size_t payload_size;

@@ -67,19 +67,19 @@ static void look(void *context, const struct metric_value *v) {
 }
 
 static struct metric_value about(enum metric metric, int instrument) {
-    return (struct metric_value){metric, instrument, -1, -1, -1, -1, -1, 0, false};
+    return (struct metric_value){metric, instrument, -1, -1, -1, -1, -1, NULL, 0, false};
 }
 
 static double figure(const struct metrics *m, struct metric_value like) {
     struct wanted w = {.like = like};
-    metrics_each(m, look, &w);
+    metrics_each(m, NULL, look, &w);
     assert_int_equal(w.count, 1);
     return w.found.value;
 }
 
 static bool is_below_floor(const struct metrics *m, enum metric metric, int instrument) {
     struct wanted w = {.like = about(metric, instrument)};
-    metrics_each(m, look, &w);
+    metrics_each(m, NULL, look, &w);
     assert_int_equal(w.count, 1);
     return w.found.below_floor;
 }
@@ -238,7 +238,7 @@ static void without_another_nothing_is_said_of_the_view(void **state) {
             take(&m, &at);
         }
         struct wanted w = {.like = about(METRIC_OUT_OF_VIEW, instrument)};
-        metrics_each(&m, look, &w);
+        metrics_each(&m, NULL, look, &w);
         assert_int_equal(w.count, 0);
     }
 }
@@ -433,8 +433,30 @@ static void the_last_figures_of_each_tissue_stand(void **state) {
     assert_true(figure(&m, like) == 21);
     like.tissue = 0;
     struct wanted w = {.like = like};
-    metrics_each(&m, look, &w);
+    metrics_each(&m, NULL, look, &w);
     assert_int_equal(w.count, 0);
+}
+
+static void of_a_tissue_without_zones_rim_and_zones_are_not_told(void **state) {
+    (void)state;
+    static struct metrics m;
+    metrics_init(&m, instruments_usual(), optic);
+    m.resected[0] = m.resected[1] = true;
+    struct knee_case *knee = case_create("x", "");
+    case_add_group(knee, "tibia", BODY_TIBIA);
+    struct case_group *plica = case_add_group(knee, "plica", BODY_FEMUR);
+    case_add_group(knee, "meniscus_medial", BODY_TIBIA)->cuttable = plica->cuttable = true;
+    tissue_set_kind(&plica->tissue, TISSUE_SYNOVIUM);
+    for (int tissue = 0; tissue < 2; tissue++) {
+        struct wanted rim = {.like = about(METRIC_RIM, -1)},
+                      removed = {.like = about(METRIC_REMOVED, -1)};
+        rim.like.tissue = removed.like.tissue = tissue;
+        metrics_each(&m, knee, look, &rim);
+        metrics_each(&m, knee, look, &removed);
+        assert_int_equal(rim.count, tissue);
+        assert_int_equal(removed.count, 1);
+    }
+    case_destroy(&knee);
 }
 
 static void undone_cuts_count_and_what_they_took_does_not(void **state) {
@@ -537,6 +559,7 @@ int main(void) {
         cmocka_unit_test(a_lost_or_foreign_sample_moves_nothing),
         cmocka_unit_test(two_hands_count_together),
         cmocka_unit_test(the_last_figures_of_each_tissue_stand),
+        cmocka_unit_test(of_a_tissue_without_zones_rim_and_zones_are_not_told),
         cmocka_unit_test(undone_cuts_count_and_what_they_took_does_not),
         cmocka_unit_test(figures_say_what_they_are_about),
         cmocka_unit_test(the_document_has_every_metric_as_it_is),

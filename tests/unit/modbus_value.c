@@ -1,5 +1,5 @@
 // How a Modbus value is written in a config, and what its registers say.
-#include "device/modbus_value.h"
+#include "drivers/modbus_value.h"
 
 #include "test.h"
 
@@ -38,6 +38,40 @@ static void bits_beyond_the_value_are_not_its_own(void **state) {
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct modbus_value v = parsed(rows[i].text);
         assert_near(modbus_value_number(&v, MODBUS_ABCD, rows[i].words), rows[i].number, 1e-9);
+    }
+}
+
+static void a_whole_number_at_an_end_of_its_range_other_than_0_is_told(void **state) {
+    (void)state;
+    static const struct {
+        const char *text;
+        uint16_t words[2];
+        bool at_end;
+    } rows[] = {
+        {"0", {0x8000}, true},
+        {"0", {0x7fff}, true},
+        {"0", {0x8001}, false},
+        {"0", {0x7ffe}, false},
+        {"0", {0}, false},
+        {"0", {0xffff}, false},
+        {"0 u16", {0xffff}, true},
+        {"0 u16", {0}, false},
+        {"0 u16", {0x8000}, false},
+        {"0 u12", {0x0fff}, true},
+        {"0 u12", {0xffff}, true},
+        {"0 u12", {0xf7ff}, false},
+        {"0 i12", {0xf800}, true},
+        {"0 i24", {0x007f, 0xffff}, true},
+        {"0 i32", {0x8000, 0}, true},
+        {"0 u32", {0xffff, 0xffff}, true},
+        {"0 i32", {0xffff, 0xffff}, false},
+        {"0 u7", {0x7f}, false},
+        {"0 f32", {0xffff, 0xffff}, false},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct modbus_value v = parsed(rows[i].text);
+        if (modbus_value_is_at_end(&v, MODBUS_ABCD, rows[i].words) != rows[i].at_end)
+            fail_msg("row %zu: %s", i, rows[i].text);
     }
 }
 
@@ -101,6 +135,7 @@ static void a_makers_number_is_the_address_after_its_first_one(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(bits_beyond_the_value_are_not_its_own),
+        cmocka_unit_test(a_whole_number_at_an_end_of_its_range_other_than_0_is_told),
         cmocka_unit_test(only_a_register_with_scale_offset_and_type_is_a_value),
         cmocka_unit_test(a_makers_number_is_the_address_after_its_first_one),
     };

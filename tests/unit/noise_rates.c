@@ -5,8 +5,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static struct noise_row rows[NOISE_ROWS_MAX];
+static struct noise_row rows[NOISE_ROWS];
 static int row_count;
+
+static void no_recording_is_missing(void **state) {
+    (void)state;
+    assert_int_equal(row_count, NOISE_ROWS);
+}
 
 static void no_pose_of_a_hand_is_taken_for_noise(void **state) {
     (void)state;
@@ -34,6 +39,7 @@ int main(void) {
         printf("%-40s %5g Hz  clean %.3f  2 mm %.3f\n", rows[i].file, rows[i].rate_hz,
                rows[i].clean, rows[i].noisy);
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(no_recording_is_missing),
         cmocka_unit_test(no_pose_of_a_hand_is_taken_for_noise),
         cmocka_unit_test(noise_of_2_mm_is_noticed_at_each_rate),
     };

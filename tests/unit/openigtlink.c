@@ -41,7 +41,7 @@ static void messages_may_be_cut_anywhere(void **state) {
     struct tracked_tool tools[2] = {{"probe", {{1, 0, 0, 0}, {1, 2, 3}}},
                                     {"punch", {{0, 1, 0, 0}, {4, 5, 6}}}};
     bytes.size = encode_tools(MESSAGE_TDATA, 2, 0, tools, 2, bytes.data);
-    append_message(&bytes, 1, "STRING", "tracker", "some text", 9);
+    append_message(&bytes, 1, "COMMAND", "tracker", "some text", 9);
     append_matrix(&bytes, quarter_turn);
     append_message(&bytes, 1, "GET_TDATA", "tracker", NULL, 0);
     append_matrix(&bytes, quarter_turn);
@@ -155,6 +155,25 @@ static void an_absurd_length_ends_the_stream(void **state) {
     struct report r = report_of(&bytes);
     assert_int_equal(1, r.broken);
     assert_int_equal(1, r.count);
+}
+
+// A piece of the stream is missing: the rest is no message, whatever length it seems to have.
+static void a_stream_out_of_step_is_noticed(void **state) {
+    (void)state;
+    static struct bytes bytes;
+    bytes.size = 0;
+    for (int i = 0; i < 6; i++)
+        append_matrix(&bytes, quarter_turn);
+    size_t one = bytes.size / 6;
+    for (size_t missing = 1; missing < one; missing++) {
+        struct report r = {0};
+        static struct igtl_stream stream;
+        igtl_stream_init(&stream);
+        feed(&stream, bytes.data, one, &r);
+        feed(&stream, bytes.data + one + missing, bytes.size - one - missing, &r);
+        if (r.poses != 1 || r.broken != 1)
+            fail_msg("%zu bytes are missing: %d poses, %d broken", missing, r.poses, r.broken);
+    }
 }
 
 static void a_flipped_bit_is_never_taken_for_a_pose(void **state) {
@@ -301,6 +320,7 @@ int main(void) {
         cmocka_unit_test(a_body_too_short_for_an_extended_header_is_refused),
         cmocka_unit_test(a_known_type_of_absurd_size_is_skipped_by_its_length),
         cmocka_unit_test(an_absurd_length_ends_the_stream),
+        cmocka_unit_test(a_stream_out_of_step_is_noticed),
         cmocka_unit_test(a_flipped_bit_is_never_taken_for_a_pose),
         cmocka_unit_test(matrices_that_are_nearly_rotations_are_brought_to_the_nearest_one),
         cmocka_unit_test(matrices_that_are_no_rotations_are_refused),

@@ -56,7 +56,7 @@ void feed(struct igtl_stream *stream, const uint8_t *data, size_t size, struct r
         r->broken += event == IGTL_BROKEN;
         if (event != IGTL_NOTHING && r->count < 512)
             r->events[r->count++] = event;
-        if (event == IGTL_POSES)
+        if (event == IGTL_POSES || event == IGTL_SENSOR || event == IGTL_STRING)
             r->last = message;
         if (event == IGTL_BROKEN)
             return;

@@ -1,7 +1,7 @@
 // Byte streams made for tests, and what a stream says about them.
 #pragma once
 
-#include "device/igtl.h"
+#include "igtl/stream.h"
 
 #include <stddef.h>
 #include <stdint.h>

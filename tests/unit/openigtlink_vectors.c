@@ -32,7 +32,7 @@ static void other_peoples_messages_are_read_or_skipped_by_type(void **state) {
         {"command_v2.bin", IGTL_SKIPPED, 0},    {"image_v1.bin", IGTL_SKIPPED, 0},
         {"point_v1.bin", IGTL_SKIPPED, 0},      {"polydata_v1.bin", IGTL_SKIPPED, 0},
         {"position_v1.bin", IGTL_POSES, 1},     {"status_v1.bin", IGTL_STATUS, 0},
-        {"string_v1.bin", IGTL_SKIPPED, 0},     {"tdata_v1.bin", IGTL_POSES, 3},
+        {"string_v1.bin", IGTL_STRING, 0},      {"tdata_v1.bin", IGTL_POSES, 3},
         {"trajectory_v1.bin", IGTL_SKIPPED, 0}, {"transform_v1.bin", IGTL_POSES, 1},
         {"transform_v2.bin", IGTL_POSES, 1},
     };

@@ -90,15 +90,21 @@ static void take_request(struct other_slaves *s, const uint8_t *request) {
         late->bytes[5] = 3;
         late->size = 9;
     }
+    late->sent = 0;
     late->due_ns = clock_now_ns() + delay_ms * NS_PER_MS;
 }
 
 static void send_due(struct other_slaves *s) {
-    for (int i = 1; i <= OTHER_SLAVES; i++)
-        if (s->late[i].due_ns && clock_now_ns() >= s->late[i].due_ns) {
-            put(s, s->late[i].bytes, s->late[i].size);
-            s->late[i].due_ns = 0;
-        }
+    for (int i = 1; i <= OTHER_SLAVES; i++) {
+        struct other_late *late = &s->late[i];
+        if (!late->due_ns || clock_now_ns() < late->due_ns)
+            continue;
+        int drip_ms = atomic_load(&s->each[i].drip_ms), left = late->size - late->sent;
+        int size = drip_ms ? 1 : left;
+        put(s, late->bytes + late->sent, size);
+        late->sent += size;
+        late->due_ns = size == left ? 0 : clock_now_ns() + drip_ms * NS_PER_MS;
+    }
 }
 
 static void *serve(void *argument) {
@@ -113,6 +119,7 @@ static void *serve(void *argument) {
             close(s->fd);
             s->fd = accept(s->listener, NULL, NULL);
             atomic_fetch_add(&s->connections, 1);
+            memset(s->late, 0, sizeof s->late);
             used = 0;
         } else if (ready[0].revents) {
             ssize_t count = read(s->fd, request + used, (size_t)(size - used));

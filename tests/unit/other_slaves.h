@@ -20,6 +20,7 @@ struct other_slaves {
         atomic_bool silent;
         atomic_int asked, delay_ms; // delay_ms: its replies come so late, and others between
         atomic_int spoil_every;     // each so-many-th checksum is wrong; 0: none
+        atomic_int drip_ms;         // its replies come byte by byte, so far apart; 0: at once
     } each[OTHER_SLAVES + 1];
 
     pthread_t thread; // what follows belongs to other_slaves.c
@@ -28,7 +29,7 @@ struct other_slaves {
     int fd, other_end, listener;
     struct other_late {
         int64_t due_ns; // 0: none
-        int size;
+        int size, sent;
         uint8_t bytes[OTHER_REPLY_MAX];
     } late[OTHER_SLAVES + 1];
 };

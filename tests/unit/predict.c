@@ -73,6 +73,7 @@ static struct frame frame_of(const struct moment *m, uint64_t number, int64_t ti
     add(&frame, (struct sample){.kind = SAMPLE_JOINT, .joint = m->joint});
     add(&frame,
         (struct sample){.channel = CHANNEL_PROBE, .kind = SAMPLE_HANDLE, .handle = {0.25, 5}});
+    add(&frame, (struct sample){.channel = CHANNEL_PROBE, .kind = SAMPLE_FORCE, .force_n = -1.5});
     return frame;
 }
 
@@ -427,6 +428,7 @@ static void a_lost_instrument_has_neither_pose(void **state) {
     assert_false(shown.has_tip || shown.has_warped);
     assert_true(shown.has_handle);
     assert_int_equal(shown.handle.buttons, 5);
+    assert_true(shown.has_force_n && shown.force_n == -1.5);
     frame.samples[3].validity = VALIDITY_LOST;
     predict_frame(predict, &frame, true);
     assert_false(view_now().instruments[0].has_handle);

@@ -92,6 +92,8 @@ static void a_plot_is_inside_the_page(void **state) {
 
 #define SIDE 500
 
+static const uint32_t bluish = 0xa8c4d6;
+
 // How many pixels are bluish, salmon, purple.
 struct counts {
     int original, cut, displaced;
@@ -118,7 +120,7 @@ static void cut_surfaces_and_displacements_stand_out(void **state) {
     struct mesh mesh;
     shape_grid(&mesh, 8, 20);
     uint32_t *labels = alloc(mesh.triangle_count, sizeof *labels);
-    struct tissue_look look = {.mesh = &mesh};
+    struct tissue_look look = {.mesh = &mesh, .colour = bluish};
     struct counts plain = draw(&look);
     assert_int_equal(plain.cut + plain.displaced, 0);
     assert_true(plain.original > 100000);
@@ -147,7 +149,7 @@ static void blends_shade_the_surface(void **state) {
     struct mesh mesh;
     double blends[4] = {0};
     shape_grid(&mesh, 8, 1);
-    struct tissue_look look = {.mesh = &mesh, .blends = blends};
+    struct tissue_look look = {.mesh = &mesh, .colour = bluish, .blends = blends};
     int all = draw(&look).original;
     for (uint32_t v = 0; v < 4; v++)
         blends[v] = mesh_vertex(&mesh, v).x > 0;

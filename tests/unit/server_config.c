@@ -117,9 +117,10 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
                                  "[warp]\nfield = integral\nradius_mm = 12\nhold_ms = 250\n"
                                  "avatar = rigid\nadaptive = paper\nease_share = 0.3\n"
                                  "[instrument probe]\npoint.1 = 0 3 0 0.5\npoint.2 = 0 3 -7 1\n"
+                                 "[instrument instrument_7]\npoint.1 = 1 0 -7 2\n"
                                  "[case knee]\ndir = k\n"
                                  "[station a]\ncase = knee\nstart = command\ntrainee = ada\n"
-                                 "optic_deg = 70\ncontact.punch = 4\n"),
+                                 "optic_deg = 70\ncontact.punch = 4\ncontact.instrument_8 = 5\n"),
                      RESULT_OK);
     const struct sessions_config *c = &config.sessions;
     assert_int_equal(c->port, 4900);
@@ -134,6 +135,8 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
     assert_float_equal(c->settings.ease_share, 0.3, 0);
     assert_int_equal(c->settings.bodies[0].point_count, 3);
     assert_float_equal(c->settings.bodies[0].points[2].radius_mm, 1, 0);
+    assert_int_equal(c->settings.bodies[6].point_count, 2);
+    assert_float_equal(c->settings.bodies[6].points[1].radius_mm, 2, 0);
     expect_path(c->cases[0].dir, "k");
     const struct session_station *station = &c->stations[0];
     assert_string_equal(station->case_name, "knee");
@@ -142,6 +145,7 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
     assert_float_equal(station->optic.tilt_deg, 70, 0);
     assert_float_equal(station->optic.field_deg, 90, 0);
     assert_int_equal(station->contact_buttons[1], 1 << 4);
+    assert_int_equal(station->contact_buttons[7], 1 << 5);
 }
 
 static void eight_names_are_kept_whole(void **state) {

@@ -47,7 +47,7 @@ static void give(void *user) {
 static void attach(uint64_t serial) {
     struct session_about about = {.serial = serial};
     memcpy(about.id, now().session_id, sizeof about.id);
-    station_slot_attached(&slot, &about, SESSION_WAITING, NULL, give, NULL);
+    station_slot_attached(&slot, &about, SESSION_WAITING, NULL, NULL, give, NULL);
 }
 
 // ---- id and phase -------------------------------------------------------------------------------

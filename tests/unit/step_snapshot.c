@@ -50,6 +50,27 @@ static void an_instrument_that_is_lost_stands_where_it_was_seen(void **state) {
     assert_float_equal(message.instruments[0].warped.t[1], 5, 0);
 }
 
+static void a_session_that_is_closed_shows_its_instruments_as_they_were(void **state) {
+    (void)state;
+    struct snapshot_maker moments;
+    arthron_Moment message;
+    snapshot_begin(&moments, 7, START_NS);
+    struct session_output output = step_at(START_NS + NS_PER_S, (vec3){1, 2, 3});
+    output.instruments[PROBE].validity = VALIDITY_HELD;
+    snapshot_step(&moments, &output);
+    output = step_at(START_NS + 2 * NS_PER_S, (vec3){0, 0, 0});
+    output.state = SESSION_CLOSED;
+    memset(&output.instruments[PROBE], 0, sizeof output.instruments[PROBE]);
+    snapshot_step(&moments, &output);
+    snapshot_to_wire(&moments.now, 3, &message);
+    const arthron_InstrumentMoment *probe = &message.instruments[0];
+    assert_int_equal(probe->validity, arthron_Validity_HELD);
+    assert_float_equal(probe->warped.t[1], 5, 0);
+    assert_float_equal(probe->warp_mm, 5, 1e-6);
+    assert_float_equal(probe->speed_mm_s, 0, 0);
+    assert_int_equal(probe->buttons, 0);
+}
+
 static void a_moment_tells_what_the_step_had(void **state) {
     (void)state;
     struct snapshot_maker moments;
@@ -71,6 +92,36 @@ static void a_moment_tells_what_the_step_had(void **state) {
     assert_false(message.bodies[BODY_FEMUR].has_virtual_pose);
     assert_true(message.bodies[BODY_TIBIA].has_virtual_pose);
     assert_float_equal(message.bodies[BODY_TIBIA].virtual_pose.t[0], 2, 0);
+}
+
+static void a_moment_tells_the_force_while_it_is_known(void **state) {
+    (void)state;
+    static struct snapshot_maker moments;
+    static struct metrics metrics;
+    static const struct {
+        int64_t ms;
+        enum validity validity;
+        bool has_force, tells;
+    } rows[] = {{0, VALIDITY_OK, false, false},   {10, VALIDITY_OK, true, true},
+                {100, VALIDITY_OK, false, true},  {111, VALIDITY_OK, false, false},
+                {120, VALIDITY_HELD, true, true}, {130, VALIDITY_LOST, true, false}};
+    snapshot_begin(&moments, 1, START_NS);
+    metrics_init(&metrics, instruments_usual(), view_optic_usual());
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct session_output output = step_at(START_NS + rows[i].ms * NS_PER_MS, (vec3){0, 0, 0});
+        struct session_input input = {.kind = INPUT_FRAME, .frame.count = rows[i].has_force};
+        input.frame.samples[0] = (struct sample){.channel = CHANNEL_PROBE,
+                                                 .kind = SAMPLE_FORCE,
+                                                 .validity = rows[i].validity,
+                                                 .force_n = -2.5};
+        arthron_Moment message;
+        metrics_step(&metrics, &input, &output);
+        snapshot_step(&moments, &output);
+        snapshot_forces(&moments, &metrics);
+        snapshot_to_wire(&moments.now, 0, &message);
+        assert_int_equal(message.instruments[0].has_force_n, rows[i].tells);
+        assert_float_equal(message.instruments[0].force_n, rows[i].tells ? -2.5 : 0, 0);
+    }
 }
 
 static void events_are_counted(void **state) {
@@ -162,7 +213,9 @@ static void devices_are_counted_by_what_they_measured(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_instrument_that_is_lost_stands_where_it_was_seen),
+        cmocka_unit_test(a_session_that_is_closed_shows_its_instruments_as_they_were),
         cmocka_unit_test(a_moment_tells_what_the_step_had),
+        cmocka_unit_test(a_moment_tells_the_force_while_it_is_known),
         cmocka_unit_test(events_are_counted),
         cmocka_unit_test(speed_is_that_of_the_hand_and_not_of_noise),
         cmocka_unit_test(an_instrument_that_reappears_elsewhere_was_not_fast),

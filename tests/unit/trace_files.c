@@ -60,6 +60,9 @@ static struct sample random_sample(struct random *r, int64_t time_ns) {
     } else if (s.channel >= CHANNEL_FIRST_INSTRUMENT && random_bits(r) % 2) {
         s.kind = SAMPLE_HANDLE;
         s.handle = (struct handle){random_between(r, 0, 1), (uint32_t)random_bits(r)};
+    } else if (random_bits(r) % 4 == 0) {
+        s.kind = SAMPLE_FORCE;
+        s.force_n = random_between(r, -FORCE_MAX_N, FORCE_MAX_N);
     } else {
         s.kind = SAMPLE_POSE;
         s.T_mockup_body = random_pose(r, 300);
@@ -280,6 +283,8 @@ static void assert_same_sample(const struct sample *a, const struct sample *b) {
         assert_memory_equal(&a->joint, &b->joint, sizeof a->joint);
     if (a->kind == SAMPLE_POSE)
         assert_memory_equal(&a->T_mockup_body, &b->T_mockup_body, sizeof a->T_mockup_body);
+    if (a->kind == SAMPLE_FORCE)
+        assert_true(a->force_n == b->force_n);
     if (a->kind == SAMPLE_HANDLE) {
         assert_true(a->handle.opening == b->handle.opening);
         assert_int_equal(a->handle.buttons, b->handle.buttons);

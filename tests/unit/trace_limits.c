@@ -203,6 +203,7 @@ static const struct extra {
     {"resume", TRACE_RESUME, 8, {1}},
     {"fault", TRACE_FAULT, 8, {1}},
     {"touch", TRACE_TOUCH, 21, {1, [9] = 4, [17] = 0, 2, 4, 6}},
+    {"marker", TRACE_MARKER, 38, {1, [8] = 1, [24] = 1, 0, 'm', 1, 0, 'd'}},
 };
 
 static uint8_t *insert(const uint8_t *data, size_t *size, const struct extra *extra) {
@@ -245,7 +246,7 @@ static void each_number_at_the_limits_of_its_type_ends_no_reader(void **state) {
         free(data);
     }
     count += try_extras("steps");
-    for (int type = 0; type <= TRACE_TOUCH; type++) {
+    for (int type = 0; type <= TRACE_MARKER; type++) {
         bool of_type = false;
         for (int i = 8 * type; i < 8 * type + 8; i++)
             for (int fields = 0; fields < FIELDS_MAX; fields++)

@@ -1,8 +1,8 @@
 // The tracker driver against servers of the OpenIGTLink library's own classes: those that send only
 // when they are asked, and those that do not care.
 #include "base/clock.h"
-#include "device/device.h"
-#include "device/igtl_request.h"
+#include "drivers/device.h"
+#include "igtl/request.h"
 #include "library_server.h"
 #include "test.h"
 
@@ -163,8 +163,9 @@ static void requests_go_out_in_the_version_in_which_the_server_spoke(void **stat
         uint8_t bytes[IGTL_REQUEST_BYTES_MAX];
         unsigned extended = version == 1 ? 0 : 12, metadata = version == 1 ? 0 : 2;
         igtl_request_begin(&request, 0);
-        assert_int_equal(igtl_request_next(&request, 0, bytes), HEADER + CONTENT);
-        assert_int_equal(number_at(bytes, 2), 1); // nobody spoke yet
+        assert_int_equal(igtl_request_next(&request, 0, bytes), HEADER + HEADER + CONTENT);
+        assert_string_equal((const char *)bytes + 2, "GET_STATUS");
+        assert_int_equal(number_at(bytes + HEADER, 2), 1); // nobody spoke yet
         igtl_request_heard(&request, (int)version);
         igtl_request_heard(&request, 9);
         size_t size = igtl_request_next(&request, 10 * NS_PER_S, bytes);

@@ -59,6 +59,7 @@ static void each_thing_is_told_of(void **state) {
     place = good(), place.info.without_datagrams = true;
     assert_warns(place, URGENCY_LOOK, "over TCP");
     place = good(), place.info.slowed = 1, place.info.frames_excess = 1200;
+    place.loss_share = 0.03f;
     assert_warns(place, URGENCY_LOOK, "more than its share: 1200 frames");
     place = good(), place.info.slowed = 2;
     assert_warns(place, URGENCY_LOOK, "asks for its meshes too often");

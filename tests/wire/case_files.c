@@ -379,7 +379,7 @@ static void a_manifest_at_fault_is_refused_with_the_key(void **state) {
         enum result code;
         const char *says;
     } rows[] = {
-        {"format", "3", RESULT_VERSION, "case.json: format"},
+        {"format", "4", RESULT_VERSION, "case.json: format"},
         {"format", "0", RESULT_VERSION, "case.json: format"},
         {"format", NULL, RESULT_MISSING, "case.json: format"},
         {"format", "\"1\"", RESULT_MISSING, "format"},
@@ -391,7 +391,7 @@ static void a_manifest_at_fault_is_refused_with_the_key(void **state) {
          "scan.mirrored: neither"},
         {"scan", "{\"mirrored\":true,\"T_case_scan\":[0,0,0,2,0,0,0]}", RESULT_INVALID,
          "scan.T_case_scan: the quaternion"},
-        {"groups/1/colour", "1", RESULT_FORMAT, "groups[1].colour: unknown key"},
+        {"groups/1/colours", "1", RESULT_FORMAT, "groups[1].colours: unknown key"},
         {"portals/0/size", "1", RESULT_FORMAT, "portals[0].size: unknown key"},
         {"name", NULL, RESULT_MISSING, "name: missing"},
         {"name", "\"../x\"", RESULT_INVALID, "name: not a name"},

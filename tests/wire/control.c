@@ -434,7 +434,7 @@ static const struct {
     const char *what;
     int opcode;
     size_t size;
-    uint8_t bytes[16];
+    uint8_t bytes[20];
 } malformed[] = {
     {"a length beyond the end", WEBSOCKET_BINARY, 3, {0x22, 0x7f, 0x08}},
     {"an endless varint",
@@ -446,6 +446,11 @@ static const struct {
     {"a message only a server says", WEBSOCKET_BINARY, 2, {0x12, 0x00}},
     {"a second Hello", WEBSOCKET_BINARY, 2, {0x0a, 0x00}},
     {"an Enrol", WEBSOCKET_BINARY, 2, {0x5a, 0x00}},
+    {"an acknowledgement of markers", WEBSOCKET_BINARY, 3, {0x92, 0x01, 0x00}},
+    {"a good marker without the capability",
+     WEBSOCKET_BINARY,
+     18,
+     {0x8a, 0x01, 0x0f, 0x09, 1, 0, 0, 0, 0, 0, 0, 0, 0x1a, 1, 'a', 0x22, 1, 'b'}},
 };
 
 static void a_malformed_message_closes_its_peer_and_no_other(void **state) {

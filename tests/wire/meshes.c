@@ -29,6 +29,17 @@ static struct mesh_delta large_change(double share) {
     return delta;
 }
 
+static struct told {
+    int count;
+    uint32_t number, triangles;
+} told;
+
+static void hear_of_change(void *user, const char *group, const struct tissue *tissue) {
+    (void)group;
+    struct told *t = user;
+    *t = (struct told){t->count + 1, tissue->number, tissue->triangle_count};
+}
+
 static int open_meshes(void **state) {
     (void)state;
     dice = (struct random){1};
@@ -36,7 +47,8 @@ static int open_meshes(void **state) {
     struct mesh_delta whole = model_change(&model, &dice, 1, 0);
     assert_int_equal(mesh_feed_create("meniscus", &whole, &feed, NULL), RESULT_OK);
     mesh_delta_fini(&whole);
-    meshes = meshes_create();
+    told = (struct told){0};
+    meshes = meshes_create(hear_of_change, &told);
     return 0;
 }
 
@@ -130,6 +142,24 @@ static void begin_with_the_whole_mesh(void) {
 }
 
 // ---- tests --------------------------------------------------------------------------------------
+
+static void each_mesh_is_told_once_and_that_it_is_void_with_another_case(void **state) {
+    (void)state;
+    arthron_Control answer;
+    begin_with_the_whole_mesh();
+    assert_int_equal(1, told.count);
+    struct mesh_payload *payload = next_change(0.1);
+    for (int i = 0; i < 2; i++) // again: a change that was made already is acknowledged, no more
+        assert_int_equal(hear_all(payload, &answer), arthron_Control_mesh_ack_tag);
+    mesh_payload_release(&payload);
+    assert_int_equal(2, told.count);
+    assert_int_equal(mesh_feed_tissue(feed)->number, told.number);
+    assert_int_equal(mesh_feed_tissue(feed)->triangle_count, told.triangles);
+    meshes_set_case(meshes, 77);
+    assert_int_equal(3, told.count);
+    assert_int_equal(0, told.number);
+    assert_int_equal(0, told.triangles);
+}
 
 static void a_change_in_chunks_is_made_and_acknowledged(void **state) {
     (void)state;
@@ -350,6 +380,7 @@ static void meshes_of_another_case_are_void(void **state) {
 int main(void) {
     log_set_level(LOG_ERROR);
     const struct CMUnitTest tests[] = {
+        WITH_MESHES(each_mesh_is_told_once_and_that_it_is_void_with_another_case),
         WITH_MESHES(a_change_in_chunks_is_made_and_acknowledged),
         WITH_MESHES(a_missing_chunk_is_asked_for_once),
         WITH_MESHES(a_chunk_that_comes_twice_is_out_of_order),

@@ -108,6 +108,10 @@ static int all_valid(struct valid out[VALID_MAX]) {
         fill_control(which, control);
         out[count++] = encoded(KIND_CONTROL, control);
     }
+    for (int which = arthron_Control_marker_tag; which <= arthron_Control_marker_ack_tag; which++) {
+        fill_control(which, control);
+        out[count++] = encoded(KIND_CONTROL, control);
+    }
     out[count++] = encoded(KIND_REPLY, &(arthron_Reply){0});
     arthron_Reply reply = full_reply();
     out[count++] = encoded(KIND_REPLY, &reply);
@@ -178,6 +182,8 @@ static void assert_same_sample(const struct sample *a, const struct sample *b) {
         assert_memory_equal(&a->joint, &b->joint, sizeof a->joint);
     else if (a->kind == SAMPLE_POSE)
         assert_memory_equal(&a->T_mockup_body, &b->T_mockup_body, sizeof a->T_mockup_body);
+    else if (a->kind == SAMPLE_FORCE)
+        assert_true(a->force_n == b->force_n);
     else
         assert_true(a->handle.opening == b->handle.opening &&
                     a->handle.buttons == b->handle.buttons);
@@ -202,13 +208,44 @@ static void a_frame_comes_back_bit_for_bit(void **state) {
     }
 }
 
+// What each server of before takes: the frame as it was, without what it would refuse.
+static void assert_reduced(const struct frame *frame, bool instruments, bool force) {
+    arthron_Frame message;
+    struct frame back;
+    int kept = 0, left = 0;
+    wire_frame_from(frame, &message);
+    bool all = wire_frame_reduce(&message, instruments, force);
+    assert_int_equal(wire_frame_to(&message, &back, NULL), RESULT_OK);
+    for (int i = 0; i < frame->count; i++) {
+        const struct sample *s = &frame->samples[i];
+        if (!instruments && s->channel > CHANNEL_SCOPE)
+            continue;
+        if (!force && (s->kind == SAMPLE_FORCE || kept == 16))
+            left++;
+        else
+            assert_same_sample(&back.samples[kept++], s);
+    }
+    assert_int_equal(back.count, kept);
+    assert_int_equal(all, left == 0);
+}
+
+static void an_older_server_gets_no_more_than_it_takes(void **state) {
+    (void)state;
+    struct random random = {17};
+    for (int i = 0; i < 400; i++) {
+        struct frame frame = make_frame(&random, i % (FRAME_SAMPLES_MAX + 1));
+        assert_reduced(&frame, i & 1, i & 2);
+    }
+}
+
 // ---- padding ------------------------------------------------------------------------------------
 
 static void a_padded_frame_is_never_shorter_than_the_longest_reply_to_it(void **state) {
     (void)state;
     struct random random = {5};
     for (int i = 0; i < 2000; i++) {
-        struct frame frame = make_frame(&random, (int)(random_bits(&random) % 17));
+        struct frame frame =
+            make_frame(&random, (int)(random_bits(&random) % (FRAME_SAMPLES_MAX + 1)));
         frame.number = random_bits(&random) % 2; // 0 takes no room
         arthron_Frame message;
         wire_frame_from(&frame, &message);
@@ -381,6 +418,27 @@ static void a_bad_description_is_refused(void **state) {
     m->message.hello.instruments[1] = *one;
     m->message.hello.instruments[1].channel = CHANNEL_FIRST_DESCRIBED + 1;
     assert_control_refused(m, "taken");
+    free(m);
+}
+
+static void a_marker_is_what_it_was_and_a_bad_one_is_refused(void **state) {
+    (void)state;
+    const arthron_Marker good = {7, 123456789, "trial.start", "pedal", -2.5};
+    const arthron_Marker bad[] = {
+        {0, 1, "a", "b", 1},    {7, -1, "a", "b", 1},        {7, WIRE_TIME_MAX_NS, "a", "b", 1},
+        {7, 1, "", "b", 1},     {7, 1, "two words", "b", 1}, {7, 1, "a", "", 1},
+        {7, 1, "a", "b\nc", 1}, {7, 1, "a", "b", NAN},       {7, 1, "a", "b", INFINITY},
+    };
+    struct marker marker;
+    assert_int_equal(wire_marker_to(&good, &marker, NULL), RESULT_OK);
+    arthron_Marker back = wire_marker_from(&marker);
+    assert_memory_equal(&back, &good, sizeof back);
+    arthron_Control *m = malloc(sizeof *m);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        fill_control(arthron_Control_marker_tag, m);
+        m->message.marker = bad[i];
+        assert_control_refused(m, "marker");
+    }
     free(m);
 }
 
@@ -652,10 +710,13 @@ static void assert_not_a_frame(const arthron_Frame *m) {
 static void values_out_of_their_range_do_not_become_a_frame(void **state) {
     (void)state;
     struct random random = {8};
-    struct frame frame = {.number = 42, .count = 3};
+    struct frame frame = {.number = 42, .count = 4};
     frame.samples[0] = make_sample(&random, CHANNEL_JOINT);
-    frame.samples[1] = make_sample(&random, CHANNEL_PROBE);
+    frame.samples[1] = (struct sample){.channel = CHANNEL_PROBE, .kind = SAMPLE_POSE};
+    frame.samples[1].T_mockup_body = random_pose(&random, 500);
     frame.samples[2] = (struct sample){.channel = CHANNEL_PUNCH, .kind = SAMPLE_HANDLE};
+    frame.samples[3] =
+        (struct sample){.channel = CHANNEL_TIBIA, .kind = SAMPLE_FORCE, .force_n = -3};
     arthron_Frame good, m;
     struct frame plain;
     wire_frame_from(&frame, &good);
@@ -672,6 +733,9 @@ static void values_out_of_their_range_do_not_become_a_frame(void **state) {
     m = good, m.samples[1].value.pose.z = 10001, assert_not_a_frame(&m);
     m = good, m.samples[2].value.handle.opening = 1.5, assert_not_a_frame(&m);
     m = good, m.samples[2].value.handle.opening = NAN, assert_not_a_frame(&m);
+    m = good, m.samples[3].value.force_n = 1001, assert_not_a_frame(&m);
+    m = good, m.samples[3].value.force_n = NAN, assert_not_a_frame(&m);
+    m = good, m.samples[3].channel = CHANNEL_JOINT, assert_not_a_frame(&m);
     m = good, m.samples[2].time_ns = -1, assert_not_a_frame(&m);
     m = good, m.samples[0].time_ns = WIRE_TIME_MAX_NS, assert_not_a_frame(&m);
     m = good, m.time_ns = INT64_MIN, assert_not_a_frame(&m);
@@ -683,12 +747,14 @@ int main(void) {
         cmocka_unit_test(every_message_comes_back_as_it_went),
         cmocka_unit_test(a_buffer_one_byte_too_short_is_refused),
         cmocka_unit_test(a_frame_comes_back_bit_for_bit),
+        cmocka_unit_test(an_older_server_gets_no_more_than_it_takes),
         cmocka_unit_test(a_padded_frame_is_never_shorter_than_the_longest_reply_to_it),
         cmocka_unit_test(truncations_at_every_byte_do_no_harm),
         cmocka_unit_test(random_changes_do_no_harm),
         cmocka_unit_test(random_bytes_do_no_harm),
         cmocka_unit_test(each_malformed_row_gets_its_answer),
         cmocka_unit_test(a_bad_description_is_refused),
+        cmocka_unit_test(a_marker_is_what_it_was_and_a_bad_one_is_refused),
         cmocka_unit_test(numbers_that_are_no_enum_are_refused),
         cmocka_unit_test(a_console_command_that_is_no_enum_is_refused),
         cmocka_unit_test(a_joint_reading_that_is_no_pose_is_refused),

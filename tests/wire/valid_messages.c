@@ -14,19 +14,33 @@ struct sample make_sample(struct random *random, enum channel channel) {
     if (channel == CHANNEL_JOINT) {
         sample.kind = SAMPLE_JOINT;
         sample.joint = (struct joint_angles){random_between(random, -90, 90), -1.5, 2, 3, -4, 5};
-    } else if (channel == CHANNEL_PUNCH && random_bits(random) % 2) {
+    } else if (channel >= CHANNEL_FIRST_INSTRUMENT && random_bits(random) % 2) {
         sample.kind = SAMPLE_HANDLE;
         sample.handle = (struct handle){random_between(random, 0, 1), 0x80000001};
+    } else if (random_bits(random) % 4 == 0) {
+        sample.kind = SAMPLE_FORCE;
+        sample.force_n = random_between(random, -FORCE_MAX_N, FORCE_MAX_N);
     } else {
         sample.T_mockup_body = random_pose(random, 500);
     }
     return sample;
 }
 
+static bool has_such(const struct frame *frame, const struct sample *sample) {
+    for (int i = 0; i < frame->count; i++)
+        if (frame->samples[i].channel == sample->channel && frame->samples[i].kind == sample->kind)
+            return true;
+    return false;
+}
+
 struct frame make_frame(struct random *random, int count) {
-    struct frame frame = {.number = random_bits(random), .time_ns = 123456789, .count = count};
-    for (int i = 0; i < count; i++)
-        frame.samples[i] = make_sample(random, (enum channel)(random_bits(random) % CHANNEL_COUNT));
+    struct frame frame = {.number = random_bits(random), .time_ns = 123456789};
+    while (frame.count < count) {
+        enum channel channel = (enum channel)(random_bits(random) % CHANNEL_COUNT);
+        struct sample sample = make_sample(random, channel);
+        if (!has_such(&frame, &sample))
+            frame.samples[frame.count++] = sample;
+    }
     return frame;
 }
 
@@ -197,6 +211,12 @@ void fill_control(int which, arthron_Control *out) {
         break;
     case arthron_Control_mesh_ack_tag:
         out->message.mesh_ack = (arthron_MeshState){"medial", 7, UINT64_MAX};
+        break;
+    case arthron_Control_marker_tag:
+        out->message.marker = (arthron_Marker){UINT64_MAX, 77, "trial.start", "Gerät 1", -2.5};
+        break;
+    case arthron_Control_marker_ack_tag:
+        out->message.marker_ack.number = UINT64_MAX;
         break;
     default:
         fill_enrolled(&out->message.enrolled);

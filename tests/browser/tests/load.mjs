@@ -93,7 +93,7 @@ async function messages_and_bytes_of_each_view({ testbed, browser, users, report
   }
   const { id } = await testbed.recorded();
   const page = await browser.page(await browser.context(users.instructor), `#/session/${id}`);
-  await page.getByText("Complete; final volume matches the record").waitFor();
+  await page.getByText("Recording verified").waitFor();
   report.figure("debrief_messages_in_all", browser.heard(page).messages, "");
   report.figure("debrief_bytes_in_all", browser.heard(page).bytes, "B");
 }

@@ -253,7 +253,15 @@ async function the_place_of_one_station_is_not_asked_for_another(world) {
   }
 }
 
-async function a_pause_leaves_the_trainee_the_picture(world) {
+/** The scope's own picture is there, with these words over it. */
+async function picturedAs(page, words) {
+  await page.locator(".scope-sign.state", { hasText: words }).waitFor();
+  await page.locator("canvas.scope-canvas").waitFor();
+  await sleep(500); // what would take its place comes with the next moment
+  assert.equal(await page.locator(".scope-state").innerText(), "");
+}
+
+async function a_pause_and_the_end_leave_the_trainee_the_picture(world) {
   const { testbed, browser } = world;
   await testbed.runStation("room-3");
   const page = await open(world, "room-3", watchDrawn);
@@ -261,6 +269,11 @@ async function a_pause_leaves_the_trainee_the_picture(world) {
   await page.locator(".scope-sign.state", { hasText: "Paused" }).waitFor();
   const drawn = await drawnFor(world, page, 4000);
   const views = new Map(browser.heard(page).views.map(view).map((seen) => [seen.number, seen]));
+  await testbed.session("stop", "room-3");
+  await picturedAs(page, "The session is closed");
+  await page.goto(`${browser.url}/#/scope/room-3`);
+  await page.reload();
+  await picturedAs(page, "The session is closed");
   await testbed.session("start", "room-3");
   const shown = drawn.flatMap((frame) => {
     const seen = views.get(frame.number);
@@ -270,6 +283,18 @@ async function a_pause_leaves_the_trainee_the_picture(world) {
   assert.ok(shown.length >= 10 && shown.length > drawn.length / 2, `the probe is in ${shown.length} of ${drawn.length} pictures`);
   assert.ok(quantile(shown.map(({ off }) => off), 0.9) < 0.1, "it is drawn where the station has it");
   assert.ok(Math.max(...shown.map(({ tip }) => distance(tip, shown[0].tip))) > 1, "it stands still");
+}
+
+async function the_keys_are_there_to_be_seen({ testbed, browser, users }) {
+  await testbed.runStation("room-2");
+  const page = await browser.page(await browser.context(users.instructor), "#/scope/room-2");
+  const list = page.locator(".scope-keys dl");
+  await page.getByText("Keys", { exact: true }).waitFor();
+  assert.equal(await list.isVisible(), false);
+  await page.keyboard.press("?");
+  await list.getByText("Turn the light post").waitFor();
+  await page.keyboard.press("?");
+  await list.waitFor({ state: "hidden" });
 }
 
 // They hide the tissue.
@@ -294,8 +319,9 @@ async function colours_of_touch_and_sight_are_off_until_they_are_asked_for(world
 }
 
 export const tests = [
+  the_keys_are_there_to_be_seen,
   colours_of_touch_and_sight_are_off_until_they_are_asked_for,
   a_marker_is_where_an_independent_projection_says, near_bone_and_far_from_it_the_picture_is_neither_white_nor_black,
   what_stands_is_drawn_finely, a_far_server_does_not_make_the_tip_late, the_place_of_one_station_is_not_asked_for_another,
-  a_pause_leaves_the_trainee_the_picture,
+  a_pause_and_the_end_leave_the_trainee_the_picture,
 ];

@@ -16,6 +16,10 @@ const figure = async (page, label) => {
 };
 const plotted = async (page, row) => Number((await page.locator(".plot-label", { hasText: row }).locator(".plot-reading").first().innerText()).replace(",", ""));
 const press = (page, name) => page.getByRole("button", { name, exact: true }).click();
+const pressMore = async (page, name) => {
+  await page.locator("summary", { hasText: "More" }).click();
+  await press(page, name);
+};
 const said = (page, words) => page.locator(".controls-line", { hasText: words }).waitFor();
 
 /** The page has the mesh that the server has, to the bit. */
@@ -173,11 +177,11 @@ async function a_session_is_started_stopped_and_given_another_case(world) {
   await press(page, "Pause");
   await said(page, "Pause: done");
   const first = await testbed.station("room-1");
-  await press(page, "Case …");
+  await pressMore(page, "Case …");
   await page.getByLabel("Case", { exact: true }).selectOption("healthy");
-  await page.getByLabel("Warp strength").fill("40");
+  await page.getByRole("slider", { name: "Patient shape" }).fill("40");
   await press(page, "Start session");
-  await page.getByText("healthy · Warp 40 %").waitFor();
+  await page.getByText("healthy · Patient shape: 40 %").waitFor();
   const second = await testbed.station("room-1");
   assert.equal(second.case, "healthy");
   assert.notEqual(second.id, first.id);
@@ -185,14 +189,16 @@ async function a_session_is_started_stopped_and_given_another_case(world) {
   await page.locator("dialog").getByRole("button", { name: "Stop" }).click();
   await page.locator(".state-badge", { hasText: "Closed" }).waitFor();
   assert.equal((await testbed.station("room-1")).state, "closed");
+  assert.match(await page.getByRole("link", { name: "Open debrief" }).getAttribute("href"), new RegExp(`#/session/${second.id}$`));
+  assert.deepEqual(await page.locator(".controls > .controls-group").getByRole("button").allInnerTexts(), ["Start"], "nothing else can be done");
   await press(page, "Start");
   await page.locator(".state-badge", { hasText: "Running" }).waitFor();
   assert.notEqual((await testbed.station("room-1")).id, second.id);
-  await press(page, "Case …");
+  await pressMore(page, "Case …");
   await page.getByLabel("Case", { exact: true }).selectOption("tear-radial");
-  await page.getByLabel("Warp strength").fill("100");
+  await page.getByRole("slider", { name: "Patient shape" }).fill("100");
   await press(page, "Start session");
-  await page.getByText("tear-radial · Warp 100 %").waitFor();
+  await page.getByText("tear-radial · Patient shape: full").waitFor();
   const actions = await page.evaluate(async () => (await (await fetch("/api/v1/audit?limit=50")).json()).audit);
   for (const action of [/stop/, /case/, /pause/])
     assert.ok(actions.some((row) => row.actor === "grace" && action.test(row.action)), `${action} is not in the audit log: ${actions.map((row) => row.action)}`);
@@ -210,10 +216,10 @@ async function a_reset_makes_the_tissue_whole(world) {
       await sleep(1000);
       return (await testbed.resection("room-1")).cuts === before.cuts && before;
     });
-    await press(page, "Reset");
+    await pressMore(page, "Reset");
     await page.locator("dialog").getByRole("button", { name: "Cancel" }).click();
     assert.equal((await testbed.resection("room-1")).cuts, cut.cuts, "Cancel cancels");
-    await press(page, "Reset");
+    await pressMore(page, "Reset");
     await page.locator("dialog").getByRole("button", { name: "Reset" }).click();
     await said(page, "Reset: done");
     await until("nothing is cut", async () => (await testbed.resection("room-1")).removed_mm3 === 0);
@@ -264,7 +270,7 @@ async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_
   await dora.getByText("You have no session here").waitFor();
   await dora.goto(`${browser.url}/#/station/room-1`);
   const admin = await open(world, "room-1");
-  await press(admin, "Trainee …");
+  await pressMore(admin, "Trainee …");
   await admin.getByLabel("Trainee", { exact: true }).selectOption("dora");
   await press(admin, "Assign");
   await said(admin, "Trainee: done");
@@ -276,7 +282,7 @@ async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_
   await admin.getByText("dora · tear-radial").waitFor();
   const hers = await admin.evaluate(async () => (await (await fetch("/api/v1/sessions?trainee=dora")).json()).sessions);
   assert.deepEqual(hers.map(({ id }) => id), [(await testbed.station("room-1")).id]);
-  await press(admin, "Trainee …");
+  await pressMore(admin, "Trainee …");
   await admin.getByLabel("Trainee", { exact: true }).selectOption("anna");
   await press(admin, "Assign");
   await said(admin, "Trainee: done");

@@ -8,17 +8,21 @@ const standing = (page, station, kind, seconds) =>
 
 async function a_station_comes_degrades_goes_and_comes_back({ testbed, browser, users }) {
   const page = await browser.page(await browser.context(users.instructor), "#/wall");
-  await card(page, "room-2").waitFor();
-  assert.equal(await page.locator("article.card").count(), 32);
-  await standing(page, "room-2", "gone");
+  const absent = page.locator("details.absent");
+  await absent.getByText(/^\d+ stations not connected$/).click(); // others come and go in other lanes
+  await absent.getByRole("link", { name: "room-2", exact: true }).waitFor();
   await testbed.enrol("room-2"); // the tracker's time runs from the mock-up's start
   await testbed.startMockup("room-2", { faults: [["dropout", 4, 3]] });
   const station = await testbed.startStation("room-2");
   await standing(page, "room-2", "running");
   await card(page, "room-2").getByText("bert").waitFor();
+  await absent.getByRole("link", { name: "room-2", exact: true }).waitFor({ state: "detached" });
+  await until("the scope's picture", () => card(page, "room-2").locator(".mini.in-scope").count());
+  assert.equal(await card(page, "room-2").locator("dl").isVisible(), false);
+  await page.getByLabel("Technical figures").check();
   const devices = card(page, "room-2").locator(".value").filter({ has: page.locator("dt", { hasText: /^Devices$/ }) }).locator(".figure");
   await until("the tracker is lost", async () => (await devices.innerText()) === "1/2");
-  await page.locator(".attention").getByRole("link", { name: /room-2/ }).waitFor();
+  await page.locator(".attention-list").getByRole("link", { name: /room-2/ }).waitFor();
   assert.notEqual(await card(page, "room-2").getAttribute("data-urgency"), "quiet");
   await browser.picture(page, "wall-degraded");
   await until("the tracker is back", async () => (await devices.innerText()) === "2/2");
@@ -31,11 +35,12 @@ async function a_station_comes_degrades_goes_and_comes_back({ testbed, browser, 
   await testbed.endStation("room-2");
 }
 
-async function a_card_leads_to_its_station({ browser, users }) {
+async function the_name_of_an_absent_station_leads_to_it({ browser, users }) {
   const page = await browser.page(await browser.context(users.instructor), "#/wall");
-  await card(page, "sim-05").locator("a").click();
+  await page.locator("details.absent summary").click();
+  await page.locator("details.absent").getByRole("link", { name: "sim-05" }).click();
   await page.getByRole("heading", { name: "sim-05" }).waitFor();
   assert.match(page.url(), /#\/station\/sim-05$/);
 }
 
-export const tests = [a_station_comes_degrades_goes_and_comes_back, a_card_leads_to_its_station];
+export const tests = [a_station_comes_degrades_goes_and_comes_back, the_name_of_an_absent_station_leads_to_it];

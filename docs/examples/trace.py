@@ -30,10 +30,10 @@ LAYOUTS = {
     "landed": """job:Q outcome:B tissue:B mesh_number:I cuts:I refused:I pieces:I volume_mm3:d blades_mm3:d pieces_mm3:d
         warped_mm3:d left_mm3:d distance_mm:d all_mm3:d planned_mm3:d over_mm3:d under_mm3:d damage_mm3:d rim_mm:d
         step_mm:d zones:27d hash:Q differ:differ""",
-    "remark": "number:I time_ns:q author:text text:text withdrawn:B has_marker:B body:B point_mm:3d",
-    "gap": "missing:Q", "end": "records:Q missing:Q certificate:bytes:3 signature:bytes:3",
-    "resume": "utc_ns:q", "fault": "utc_ns:q", "touch": "job:Q tissue:B size:I offset:I"}
-RECORDS = {1: "step", 2: "gap", 3: "end", 4: "input", 5: "resume", 6: "remark", 7: "fault", 8: "touch"}
+    "remark": "number:I time_ns:q author:text text:text withdrawn:B has_marker:B body:B point:3d", "gap": "missing:Q",
+    "end": "records:Q missing:Q certificate:bytes:3 signature:bytes:3", "resume": "utc_ns:q", "fault": "utc_ns:q",
+    "touch": "job:Q tissue:B size:I offset:I", "marker": "run:Q number:Q time_ns:q name:text device:text value:d"}
+RECORDS = {1: "step", 2: "gap", 3: "end", 4: "input", 5: "resume", 6: "remark", 7: "fault", 8: "touch", 9: "marker"}
 EVENTS = "state device_lost device_back contact release cut piece refused undone".split()
 STATES = "waiting running paused closed".split()
 TOOLS, BODIES = "probe punch shaver knife scope".split(), "femur tibia patella".split()
@@ -46,7 +46,7 @@ TYPES = {
     "input": lambda t: t.read("input"),
     "more": lambda t: {0: lambda: t.read("frame"), 6: lambda: t.read("result")}.get(t.data[t.at - 9], dict)(),
     "samples": lambda t: [t.read("sample") for _ in range(t.take("B"))],
-    "value": lambda t: t.take(("6d", "7d", "dI")[t.data[t.at - 11]]),  # joint, pose or handle
+    "value": lambda t: t.take(("6d", "7d", "dI", "d")[t.data[t.at - 11]]),  # joint, pose, handle or force
     "bones": lambda t: [(t.take("7d"), t.take("7d") if t.version > 2 and t.take("B") else None) for _ in BODIES],
     "torn": lambda t: [t.take("2d") for _ in range(t.take("B"))],
     "instruments": lambda t: {tool: t.read("instrument") for tool in t.header.get("tools", TOOLS) if t.take("B")},
@@ -75,13 +75,12 @@ class Trace:
 
     def records(self):
         """(name, fields) of each record, up to the end or to the first damage."""
-        while not self.whole and self.next + 5 <= len(self.data):
+        while self.next and not self.whole and self.next + 5 <= len(self.data):
             size, kind = struct.unpack_from("<IB", self.data, self.next)
             self.at, self.next = self.next + 5, self.check(self.next, self.next + 5 + size)
-            if not self.next:
-                return
-            self.whole = kind == 3
-            yield RECORDS[kind], self.read(RECORDS[kind])
+            if self.next:
+                self.whole = kind == 3
+                yield RECORDS[kind], self.read(RECORDS[kind])
 
     def take(self, form):
         values = struct.unpack_from("<" + form, self.data, self.at)
@@ -146,4 +145,5 @@ def info(trace):
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    print(json.dumps(info(Trace(open(sys.argv[1], "rb").read())), indent=2))
+    with open(sys.argv[1], "rb") as f:
+        print(json.dumps(info(Trace(f.read())), indent=2))

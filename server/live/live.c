@@ -87,17 +87,6 @@ static void drop_answers(struct viewer *viewer) {
         free(parcel);
 }
 
-bool is_trainee(const struct live_account *account) {
-    return !strcmp(account->role, store_role_name(ROLE_TRAINEE));
-}
-
-bool is_same_person(const struct live_account *a, const struct live_account *b) {
-    if (is_trainee(a) != is_trainee(b))
-        return false;
-    return a->trainee[0] || b->trainee[0] ? !strcmp(a->trainee, b->trainee)
-                                          : !strcmp(a->name, b->name);
-}
-
 static bool has_room(const struct live_server *live, const struct live_account *account) {
     int own = 0, trainees = 0;
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {

@@ -7,6 +7,7 @@
 // room.
 #pragma once
 
+#include "live/account.h"
 #include "sessions/sessions.h"
 #include "wire/wire.h"
 
@@ -18,14 +19,6 @@
 
 struct live_server;
 struct viewer;
-
-// Account of a viewer. Instructors see and command everything. Technicians see all stations, and
-// may send the commands list and show. Trainees see their own sessions.
-struct live_account {
-    char name[64];
-    char role[16]; // "instructor", "technician", "trainee"
-    char trainee[64];
-};
 
 struct live_config {
     void *user;

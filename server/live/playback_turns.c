@@ -1,7 +1,5 @@
 #include "live/playback_turns.h"
 
-#include "live/viewer.h"
-
 #include <limits.h>
 
 void turns_init(struct playback_turns *turns) {

@@ -3,7 +3,7 @@
 // Staff have as many as they like; the second goes behind everybody's first.
 #pragma once
 
-#include "live/live.h"
+#include "live/account.h"
 
 #include <pthread.h>
 

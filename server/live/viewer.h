@@ -135,9 +135,6 @@ struct live_server {
     void *news_user;
 };
 
-bool is_trainee(const struct live_account *account);
-bool is_same_person(const struct live_account *a, const struct live_account *b);
-
 static inline bool is_staff(const struct viewer *viewer) {
     return viewer->role == ROLE_INSTRUCTOR || viewer->role == ROLE_TECHNICIAN;
 }

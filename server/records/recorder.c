@@ -25,6 +25,7 @@
 struct waiting {
     struct waiting *next;
     bool is_audit;
+    struct attempt_row *attempt; // own, as it is large; NULL: a session or an entry
     union {
         struct store_session session;
         struct store_audit_entry entry;
@@ -87,6 +88,17 @@ void recorder_put(struct recorder *r, const struct store_session *session) {
     pthread_mutex_unlock(&r->mutex);
 }
 
+void recorder_attempt(struct recorder *r, const struct attempt_row *attempt) {
+    if (!r)
+        return;
+    struct attempt_row *copy = alloc(1, sizeof *copy);
+    *copy = *attempt;
+    pthread_mutex_lock(&r->mutex);
+    append(r, &(struct waiting){.attempt = copy});
+    pthread_cond_signal(&r->wake);
+    pthread_mutex_unlock(&r->mutex);
+}
+
 void recorder_note(struct recorder *r, const char *actor, const char *action, const char *subject) {
     struct waiting waiting = {.is_audit = true};
     struct store_audit_entry *entry = &waiting.entry;
@@ -125,6 +137,7 @@ static void drop_first(struct recorder *r) {
     if (!r->first)
         r->end = &r->first;
     pthread_mutex_unlock(&r->mutex);
+    free(first->attempt);
     free(first);
 }
 
@@ -201,6 +214,23 @@ static enum result write_audit(struct recorder *r, const struct store_audit_entr
     return result;
 }
 
+static enum result write_attempt(struct recorder *r, const struct attempt_row *attempt,
+                                 struct error *err) {
+    struct store *store;
+    enum result result = store_open(r->records, STORE_MAKE, RECORDER_ACTOR, &store, err);
+    if (result == RESULT_OK)
+        result = store_attempt_add(store, attempt, err);
+    store_close(&store);
+    if (result == RESULT_INVALID || result == RESULT_REFUSED || result == RESULT_MISSING) {
+        log_error("records", "attempt %d of session %s: it cannot be recorded: %s", attempt->number,
+                  attempt->session, err->text);
+        result = RESULT_OK; // nothing would change by trying again
+    }
+    if (result == RESULT_OK)
+        tell_success(r);
+    return result;
+}
+
 static bool may_read(struct recorder *r, const char *trace) {
     struct stat status;
     return !should_stop(r) || (stat(trace, &status) == 0 && status.st_size < AT_THE_END_BYTES);
@@ -235,14 +265,20 @@ static enum result write_session(struct recorder *r, const struct store_session 
     return removed ? RESULT_OK : write_score(r, session, err);
 }
 
+static enum result write_waiting(struct recorder *r, const struct waiting *waiting,
+                                 struct error *err) {
+    if (waiting->attempt)
+        return write_attempt(r, waiting->attempt, err);
+    return waiting->is_audit ? write_audit(r, &waiting->entry, err)
+                             : write_session(r, &waiting->session, err);
+}
+
 // False if the rest has to wait.
 static bool write_all(struct recorder *r) {
     struct waiting *first;
     while ((first = first_waiting(r))) {
         struct error err;
-        enum result result = first->is_audit ? write_audit(r, &first->entry, &err)
-                                             : write_session(r, &first->session, &err);
-        if (result != RESULT_OK) {
+        if (write_waiting(r, first, &err) != RESULT_OK) {
             tell_failure(r, &err);
             return false;
         }
@@ -394,13 +430,15 @@ static enum result write_spool(struct recorder *r, struct waiting **at, struct e
 // The traces contain the sessions, but only the spool keeps the audit entries.
 static void leave_the_rest(struct recorder *r) {
     struct error err;
-    size_t sessions = 0, count = 0;
+    size_t sessions = 0, attempts = 0, count = 0;
     struct waiting *first = first_waiting(r), *at = first;
     for (const struct waiting *w = first; w; w = w->next)
-        w->is_audit ? count++ : sessions++;
-    log_error("records",
-              "%s: %zu sessions and %zu audit entries are not written: the next start does it",
-              r->records, sessions, count);
+        w->is_audit ? count++ : w->attempt ? attempts++ : sessions++;
+    log_error(
+        "records",
+        "%s: %zu sessions, %zu attempts and %zu audit entries are not written: the next start "
+        "does it",
+        r->records, sessions, attempts, count);
     if (!count || write_spool(r, &at, &err) == RESULT_OK)
         return;
     log_error("records", "the audit entries are lost: %s", err.text);

@@ -1,5 +1,5 @@
-// The recorder: a thread that writes sessions and audit entries into the records (store), so that
-// no step and no command waits for a database.
+// The recorder: a thread that writes sessions, attempts and audit entries into the records (store),
+// so that no step and no command waits for a database.
 //
 // When a session has ended, the recorder writes its row at once. Then it reads the trace for its
 // hash and metrics. If the database cannot be written (locked, damaged, full disk), the log says
@@ -9,6 +9,7 @@
 #pragma once
 
 #include "records/session_row.h"
+#include "store/attempts.h"
 
 struct recorder;
 
@@ -33,6 +34,9 @@ void recorder_put(struct recorder *recorder, const struct store_session *session
 // The same for the session of a trace that is no longer written, whose header is read at once.
 // False if the trace is written, is a piece or cannot be read.
 bool recorder_put_trace(struct recorder *recorder, const char *trace);
+
+// The same for an attempt that has ended, of a session that was put before.
+void recorder_attempt(struct recorder *recorder, const struct attempt_row *attempt);
 
 // The same for an entry of the audit log with the current time. An empty actor is the server
 // itself. Texts that are too long are cut.

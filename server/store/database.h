@@ -6,7 +6,7 @@
 
 #include <sqlite3.h>
 
-#define STORE_STATEMENTS_MAX 32
+#define STORE_STATEMENTS_MAX 64
 
 struct store {
     sqlite3 *db;
@@ -57,6 +57,18 @@ enum result store_each_row(struct store *store, sqlite3_stmt *statement, store_r
 // Returns `result`, or the error of the commit.
 enum result store_end(struct store *store, enum result result, struct error *err);
 enum result store_begin(struct store *store, struct error *err);
+
+// The columns of LIST_ATTEMPTS, of attempts `a` and their sessions `s`.
+#define STORE_ATTEMPTS                                                                             \
+    "SELECT s.uuid AS session, a.number, station.name AS station, trainee.name AS trainee, "       \
+    "a.task, a.task_version, a.title, a.file_hash, knee_case.name AS \"case\", "                   \
+    "knee_case.hash AS case_hash, a.purpose, a.hand, a.first_step, a.last_step, a.begun_utc_ns, "  \
+    "a.time_s, a.goals, a.goals_met, a.errors, a.sentinel, a.verdict, a.end, a.pass_time_s, "      \
+    "a.pass_errors, a.mark_version, exam.id AS exam, exam.state AS exam_state, a.figures, "        \
+    "a.occurrences FROM attempt a JOIN session s ON s.id = a.session_id "                          \
+    "JOIN station ON station.id = s.station_id JOIN knee_case ON knee_case.id = s.case_id "        \
+    "LEFT JOIN trainee ON trainee.id = s.trainee_id "                                              \
+    "LEFT JOIN exam_task x ON x.attempt_id = a.id LEFT JOIN exam ON exam.id = x.exam_id "
 
 // A table whose rows have unique names.
 struct named_table {

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#define COLUMNS_MAX 24
+#define COLUMNS_MAX 32
 
 #define SESSIONS                                                                                   \
     "SELECT s.uuid AS id, station.name AS station, trainee.name AS trainee, "                      \
@@ -55,6 +55,42 @@ static const struct {
                                "WHERE ?1 IS NULL OR ?1 IN (a.name, t.name) ORDER BY k.id"},
     [LIST_AUDIT] = {"audit", "SELECT utc_ns, actor, action, subject FROM audit "
                              "WHERE ?1 IS NULL OR subject = ?1 ORDER BY id"},
+    [LIST_ATTEMPTS] = {"attempts", STORE_ATTEMPTS "WHERE ?1 IS NULL OR s.uuid = ?1 ORDER BY a.id"},
+    [LIST_CURRICULA] = {"curricula",
+                        "SELECT course.name AS course, c.version, c.state, c.changed_utc_ns, "
+                        "t.position, t.task, t.week, t.passes, t.hands, t.due_utc_ns, t.cases, "
+                        "t.after FROM curriculum c JOIN course ON course.id = c.course_id "
+                        "JOIN curriculum_task t ON t.curriculum_id = c.id "
+                        "WHERE ?1 IS NULL OR course.name = ?1 "
+                        "ORDER BY course.id, c.version, t.position"},
+    [LIST_MARKS] = {"marks", "SELECT task, version, task_version, kind, source, time_s, errors, "
+                             "created_utc_ns FROM pass_mark WHERE ?1 IS NULL OR task = ?1 "
+                             "ORDER BY task, version"},
+    [LIST_EXAMS] = {"exams",
+                    "SELECT e.id, course.name AS course, trainee.name AS trainee, e.title, "
+                    "e.state, e.seed, e.created_utc_ns, e.begun_utc_ns, e.released_utc_ns, e.who, "
+                    "e.station_check, e.case_hash, e.drift_mm, e.verdict, e.result, "
+                    "e.result_hash, e.certificate, e.signature FROM exam e "
+                    "JOIN trainee ON trainee.id = e.trainee_id "
+                    "LEFT JOIN course ON course.id = e.course_id "
+                    "WHERE ?1 IS NULL OR e.id = ?1 ORDER BY e.id"},
+    [LIST_EXAM_TASKS] = {"exam_tasks",
+                         "SELECT x.exam_id AS exam, x.position, x.task, x.knee_case AS \"case\", "
+                         "x.case_hash, x.hand, s.uuid AS session, a.number, a.verdict "
+                         "FROM exam_task x LEFT JOIN attempt a ON a.id = x.attempt_id "
+                         "LEFT JOIN session s ON s.id = a.session_id "
+                         "WHERE ?1 IS NULL OR x.exam_id = ?1 ORDER BY x.exam_id, x.position"},
+    [LIST_INTERVENTIONS] = {"interventions",
+                            "SELECT exam_id AS exam, utc_ns, reason FROM intervention "
+                            "WHERE ?1 IS NULL OR exam_id = ?1 ORDER BY id"},
+    [LIST_RATINGS] = {"ratings",
+                      "SELECT s.uuid AS session, a.number, account.name AS rater, r.utc_ns, "
+                      "r.safety, r.field_of_view, r.camera_dexterity, r.instrument_dexterity, "
+                      "r.bimanual_dexterity, r.flow, r.quality, r.autonomy, r.remark "
+                      "FROM rating r JOIN attempt a ON a.id = r.attempt_id "
+                      "JOIN session s ON s.id = a.session_id "
+                      "LEFT JOIN account ON account.id = r.account_id "
+                      "WHERE ?1 IS NULL OR s.uuid = ?1 ORDER BY r.id"},
 };
 
 const char *store_list_name(enum store_list list) {

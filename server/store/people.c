@@ -141,7 +141,7 @@ static void make_pseudonym(char out[STORE_NAME_MAX]) {
     snprintf(out, STORE_NAME_MAX, "erased-%016" PRIx64, chance);
 }
 
-// Removes everything of a trainee except the sessions.
+// Removes everything of a trainee except the sessions and what belongs to them.
 static enum result remove_belongings(struct store *store, int64_t id, struct error *err) {
     enum result result =
         store_do(store, "DELETE FROM enrolment WHERE trainee_id = ?", err, "i", id);
@@ -152,12 +152,19 @@ static enum result remove_belongings(struct store *store, int64_t id, struct err
                           err, "i", id);
     if (result == RESULT_OK)
         result = store_do(store, "DELETE FROM account WHERE trainee_id = ?", err, "i", id);
+    if (result == RESULT_OK)
+        result = store_do(store, "DELETE FROM exam WHERE trainee_id = ?", err, "i", id);
     return result;
 }
 
 static enum result erase_rows(struct store *store, int64_t id, const char *pseudonym,
                               struct error *err) {
     enum result result = remove_belongings(store, id, err);
+    if (result == RESULT_OK) // and the ratings of them
+        result = store_do(store,
+                          "DELETE FROM attempt WHERE session_id IN "
+                          "(SELECT id FROM session WHERE trainee_id = ?)",
+                          err, "i", id);
     if (result == RESULT_OK)
         result = store_do(store,
                           "UPDATE trainee SET name = ?, full_name = NULL, erased_utc_ns = ? "

@@ -188,6 +188,8 @@ static enum result remove_rows(struct store *store, const char *id, const struct
     snprintf(subject, sizeof subject, "session %s", id);
     enum result result =
         store_do(store, "DELETE FROM result WHERE session_id = ?", err, "i", removal->id);
+    if (result == RESULT_OK) // and the ratings of them
+        result = store_do(store, "DELETE FROM attempt WHERE session_id = ?", err, "i", removal->id);
     if (result == RESULT_OK)
         result = store_do(store, "DELETE FROM session WHERE id = ?", err, "i", removal->id);
     return result == RESULT_OK ? store_note(store, "remove", subject, err) : result;

@@ -97,7 +97,8 @@ enum result store_rename_account(struct store *store, const char *name, const ch
                                  struct error *err);
 
 // Replaces the trainee's name by a pseudonym (out_pseudonym), deletes the full name, courses,
-// accounts and tokens, and overwrites them in the file. Sessions and results stay.
+// accounts, tokens, exams, attempts and their ratings, and overwrites them in the file. Sessions
+// and results stay.
 enum result store_erase_trainee(struct store *store, const char *name,
                                 char out_pseudonym[STORE_NAME_MAX], struct error *err);
 
@@ -209,8 +210,8 @@ enum result store_put_session(struct store *store, const struct store_session *s
 enum result store_put_ended(struct store *store, const struct store_session *session,
                             const struct store_result *results, int count, struct error *err);
 
-// Deletes a session, its results and its trace. RESULT_REFUSED while the session is open, or a
-// server writes its trace.
+// Deletes a session, its results, its attempts and its trace. RESULT_REFUSED while the session is
+// open, or a server writes its trace.
 enum result store_remove_session(struct store *store, const char *id, struct error *err);
 
 // Marks open sessions that began before this time as interrupted: their server has ended.
@@ -280,6 +281,13 @@ enum store_list {
     LIST_ACCOUNTS,
     LIST_TOKENS, // of an account or trainee; without hashes
     LIST_AUDIT,
+    LIST_ATTEMPTS,  // of a session
+    LIST_CURRICULA, // of a course: the tasks of all versions
+    LIST_MARKS,     // of a task
+    LIST_EXAMS,     // by number
+    LIST_EXAM_TASKS,
+    LIST_INTERVENTIONS,
+    LIST_RATINGS, // of a session's attempts
     LIST_COUNT
 };
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "folder.h"
-#include "store/store.h"
+#include "store/attempts.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -28,3 +28,7 @@ int row_count(struct store *store, enum store_list list);
 
 struct store *open_records(void); // made where they are not there
 struct store_session a_session(unsigned number);
+
+// One that passed: at task "centring", practice, right hand, of 40 s, a minute after the one
+// before.
+struct attempt_row an_attempt(const char *session, int number);

@@ -42,7 +42,7 @@ function check(out, folder, types) {
       types,
       paths: { wire: [join(out, "wire/arthron_pb.ts")] },
     },
-    include: [join(web, folder, "**/*.ts")],
+    include: [join(web, folder, "**/*.ts"), join(web, folder, "**/*.tsx")],
   };
   writeFileSync(join(out, "tsconfig.json"), JSON.stringify(config));
   run(join(bin, "tsc"), "--project", join(out, "tsconfig.json"));
@@ -56,11 +56,13 @@ const common = (out) => ({
   charset: "utf8",
   legalComments: "none",
   logLevel: "warning",
+  jsx: "automatic",
+  jsxImportSource: "preact",
   alias: { wire: join(out, "wire/arthron_pb.ts") },
 });
 
 async function bundleTests(out) {
-  const tests = readdirSync(join(web, "test")).filter((name) => name.endsWith(".test.ts"));
+  const tests = readdirSync(join(web, "test")).filter((name) => /\.test\.tsx?$/.test(name));
   await build({
     ...common(out),
     entryPoints: tests.map((name) => join(web, "test", name)),

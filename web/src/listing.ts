@@ -1,6 +1,7 @@
 // A table that is asked for: waiting, empty, broken and filled.
+import { explain } from "./explain";
 import { text } from "./text";
-import { broken, explain, fill, h, loading, setClass, type Child } from "./ui";
+import { broken, fill, h, loading, setClass, type Child } from "./ui";
 
 export interface Column<T> {
   label: string;

@@ -1,6 +1,8 @@
 // Entry point: who is signed in, which view is shown, and the frame around it.
+import { createElement, render } from "preact";
 import { Api, ApiError, type Account, type Role } from "./api";
 import type { App, View } from "./app";
+import { Toasts } from "./kit/dialog";
 import { browserEnvironment, Feed } from "./live";
 import { parseRoute, type Route } from "./router";
 import { frame } from "./shell";
@@ -158,7 +160,9 @@ function bare(root: HTMLElement): () => void {
 
 async function begin(): Promise<void> {
   const page = h("div", { id: "app" }, loading());
-  document.body.append(page, h("div", { id: "toasts", role: "status" }), h("div", { id: "announcements", class: "unseen", "aria-live": "polite" }));
+  const words = h("div", { id: "toasts", role: "status" });
+  render(createElement(Toasts, null), words);
+  document.body.append(page, words, h("div", { id: "announcements", class: "unseen", "aria-live": "polite" }));
   try {
     app.account = (await whoAmI()) ?? undefined;
     setTechnician(app.account?.role === "technician");

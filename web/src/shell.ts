@@ -1,10 +1,12 @@
 // The frame around the views: skip link, navigation, the state of the connection, the account.
 import type { Role } from "./api";
 import type { App } from "./app";
+import { explain } from "./explain";
 import type { Route } from "./router";
 import { text } from "./text";
 import { setTheme, theme, type Theme } from "./theme";
-import { announcer, button, confirm, everySecond, explain, field, formDialog, h, icon, setText, toast } from "./ui";
+import { toast } from "./kit/dialog";
+import { announcer, button, confirm, everySecond, field, formDialog, h, icon, setText } from "./ui";
 
 interface Entry {
   name: string; // of the route

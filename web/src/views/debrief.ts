@@ -3,12 +3,13 @@ import type { App, View } from "../app";
 import { ApiError, part } from "../api";
 import { Dashboard } from "../dashboard";
 import { hasOthers, strips, type Distribution, type Value } from "../distribution";
+import { explain } from "../explain";
 import { labelOf, type Groups } from "../groups";
 import { browserEnvironment, Feed } from "../live";
 import { routeTo } from "../router";
 import { FeedSource, resectionsAt } from "../source";
 import { format, text } from "../text";
-import { broken, button, empty, explain, fill, h, icon, loading, select, setClass, setText } from "../ui";
+import { broken, button, empty, fill, h, icon, loading, select, setClass, setText } from "../ui";
 import { Comparison } from "./debrief_compare";
 import { Transport } from "./debrief_transport";
 

@@ -3,6 +3,7 @@ import { part } from "../api";
 import type { App } from "../app";
 import type { Dashboard } from "../dashboard";
 import type { Value } from "../distribution";
+import { explain } from "../explain";
 import type { Feed } from "../live";
 import { routeTo } from "../router";
 import { Overlay } from "../scene/overlay";
@@ -10,7 +11,8 @@ import { FeedSource, type Source } from "../source";
 import { Viewport } from "../viewport";
 import { format, text } from "../text";
 import { firstOf, STEPS, type Step } from "../playback";
-import { button, dialog, empty, explain, fill, h, loading, select, setText, toast } from "../ui";
+import { toast } from "../kit/dialog";
+import { button, dialog, empty, fill, h, loading, select, setText } from "../ui";
 import { anotherFeed, RATE_HZ, sessionTitle, valuesOf, type Record, type SessionRow } from "./debrief";
 
 export type Mode = "side" | "ghost";

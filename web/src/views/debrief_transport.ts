@@ -3,7 +3,8 @@ import type { Change, FeedSource, Source } from "../source";
 import { format, text } from "../text";
 import { nextStop, Player, SPEEDS, stopsOf } from "../playback";
 import { Timeline } from "../timeline";
-import { fill, h, icon, select, setText, type IconName } from "../ui";
+import type { IconName } from "../kit/icon";
+import { fill, h, icon, select, setText } from "../ui";
 
 const FOLLOW_MS = 250;
 const PICTURE_MOST_S = 1; // a page that was hidden goes on where it was

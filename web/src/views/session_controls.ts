@@ -2,10 +2,11 @@
 // then it is pending, and a refusal is shown in the server's words.
 import { Command_Kind, SessionState, type Remark } from "wire";
 import type { App } from "../app";
+import { explain } from "../explain";
 import { NoAnswer, type CommandInit } from "../live";
 import type { Marker } from "../scene/joint";
 import { format, text } from "../text";
-import { button, confirm, drop, explain, field, formDialog, h, select, setFault, setHint, setText } from "../ui";
+import { button, confirm, drop, field, formDialog, h, select, setFault, setHint, setText } from "../ui";
 
 interface CaseRow {
   name: string;

@@ -1,10 +1,12 @@
 // #/sessions?trainee=&course=&case=&before=: what was trained, newest first.
 import { part } from "../api";
 import type { App, View } from "../app";
+import { explain } from "../explain";
 import { listing, type Listing } from "../listing";
 import { routeTo, type Route } from "../router";
 import { format, text } from "../text";
-import { button, confirm, empty, explain, h, select, setText, toast, type Props } from "../ui";
+import { toast } from "../kit/dialog";
+import { button, confirm, empty, h, select, setText, type Props } from "../ui";
 
 interface Session {
   id: string;

@@ -7,7 +7,8 @@ import { QUIET_MS } from "../live";
 import { routeTo } from "../router";
 import { FeedSource, markerAt } from "../source";
 import { format, text } from "../text";
-import { announcer, empty, everySecond, fill, h, icon, loading, setClass, setText, type IconName } from "../ui";
+import type { IconName } from "../kit/icon";
+import { announcer, empty, everySecond, fill, h, icon, loading, setClass, setText } from "../ui";
 import { SessionControls } from "./session_controls";
 
 const RATE_HZ = 30;

@@ -3,7 +3,8 @@ import type { Place } from "wire";
 import type { StationState } from "../live";
 import { routeTo } from "../router";
 import { format, text } from "../text";
-import { fill, h, icon, setClass, setText, type IconName } from "../ui";
+import type { IconName } from "../kit/icon";
+import { fill, h, icon, setClass, setText } from "../ui";
 import { nameOf, quietFor, runningSeconds, short, statusOf, sumOfDevices, URGENCY_NAMES, warningOf, type Status, type Warning } from "./wall_model";
 
 interface Value {

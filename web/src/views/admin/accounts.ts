@@ -2,7 +2,8 @@ import { part, type Role } from "../../api";
 import type { App } from "../../app";
 import { listing } from "../../listing";
 import { format, text } from "../../text";
-import { button, confirm, empty, field, formDialog, h, select, toast } from "../../ui";
+import { toast } from "../../kit/dialog";
+import { button, confirm, empty, field, formDialog, h, select } from "../../ui";
 import type { Part } from "../admin";
 import { head } from "./shared";
 

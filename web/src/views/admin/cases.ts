@@ -1,8 +1,9 @@
 import { part } from "../../api";
 import type { App } from "../../app";
+import { explain } from "../../explain";
 import { listing } from "../../listing";
 import { format, text } from "../../text";
-import { broken, button, dialog, empty, explain, fill, h, loading, type Child } from "../../ui";
+import { broken, button, dialog, empty, fill, h, loading, type Child } from "../../ui";
 import type { Part } from "../admin";
 import { head } from "./shared";
 

@@ -1,9 +1,11 @@
 import { part } from "../../api";
 import type { App } from "../../app";
+import { explain } from "../../explain";
 import { listing } from "../../listing";
 import { routeTo } from "../../router";
 import { format, text } from "../../text";
-import { broken, button, confirm, dialog, empty, explain, field, fill, formDialog, h, loading, select, toast } from "../../ui";
+import { toast } from "../../kit/dialog";
+import { broken, button, confirm, dialog, empty, field, fill, formDialog, h, loading, select } from "../../ui";
 import type { Part } from "../admin";
 import { head } from "./shared";
 

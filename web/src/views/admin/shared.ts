@@ -1,5 +1,6 @@
 import { text } from "../../text";
-import { button, dialog, h, toast, type Child } from "../../ui";
+import { toast } from "../../kit/dialog";
+import { button, dialog, h, type Child } from "../../ui";
 
 /** The heading of a part, with what can be done to all of it. */
 export function head(title: string, hint: string, ...actions: Child[]): HTMLElement {

@@ -1,7 +1,9 @@
 import { part } from "../../api";
+import { explain } from "../../explain";
 import { listing } from "../../listing";
 import { format, text } from "../../text";
-import { button, confirm, empty, explain, h, toast, type Child } from "../../ui";
+import { toast } from "../../kit/dialog";
+import { button, confirm, empty, h, type Child } from "../../ui";
 import type { Part } from "../admin";
 import { head, showCode } from "./shared";
 

@@ -1,9 +1,11 @@
 import { part } from "../../api";
 import type { App } from "../../app";
+import { explain } from "../../explain";
 import { listing } from "../../listing";
 import { routeTo } from "../../router";
 import { format, text } from "../../text";
-import { button, confirm, dialog, empty, explain, field, formDialog, h, toast } from "../../ui";
+import { toast } from "../../kit/dialog";
+import { button, confirm, dialog, empty, field, formDialog, h } from "../../ui";
 import type { Part } from "../admin";
 import { head, showCode } from "./shared";
 

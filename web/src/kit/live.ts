@@ -1,0 +1,59 @@
+// What the socket said, as signals. Many messages between two frames are one change.
+import { useSignal, type ReadonlySignal, type Signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { Feed, Kind, StationState, ValueOf, WatchInit } from "../live";
+
+/** Watches as long as the component is there. `key` names what: another one is watched anew. */
+export function useWatch(feed: Feed, key: string, what: () => WatchInit): void {
+  useEffect(() => {
+    feed.watch(what());
+    return () => feed.unwatch();
+  }, [feed, key]);
+}
+
+/** What is known of all stations, by their places; a new list at most once a frame. */
+export function useStations(feed: Feed): ReadonlySignal<readonly StationState[]> {
+  const stations = useSignal<readonly StationState[]>([]);
+  useEffect(() => {
+    let pending = 0;
+    const take = (): void => {
+      pending = 0;
+      stations.value = [...feed.stations.values()].map((station) => ({ ...station })).sort((a, b) => a.number - b.number);
+    };
+    const soon = (): void => {
+      pending ||= requestAnimationFrame(take);
+    };
+    take();
+    const ends = [feed.on("place", soon), feed.on("moment", soon), feed.onLink(soon)];
+    return () => {
+      cancelAnimationFrame(pending);
+      for (const end of ends) end();
+    };
+  }, [feed]);
+  return stations;
+}
+
+/** The newest message of a kind; undefined: none has come since the component is there. */
+export function useMessage<K extends Kind>(feed: Feed, kind: K, wanted: (value: ValueOf<K>) => boolean = () => true): ReadonlySignal<ValueOf<K> | undefined> {
+  const newest: Signal<ValueOf<K> | undefined> = useSignal<ValueOf<K> | undefined>(undefined);
+  useEffect(() => feed.on(kind, (value) => {
+    if (wanted(value)) newest.value = value as ValueOf<K> | undefined;
+  }), [feed, kind]);
+  return newest;
+}
+
+/** For how long what is shown has been old, in ms, told each second; undefined: it is not. */
+export function useLost(feed: Feed): ReadonlySignal<number | undefined> {
+  const lost = useSignal(feed.lostMs());
+  useEverySecond(() => (lost.value = feed.lostMs()));
+  return lost;
+}
+
+/** Now and each second, as long as the component is there. */
+export function useEverySecond(what: () => void): void {
+  useEffect(() => {
+    what();
+    const timer = setInterval(what, 1000);
+    return () => clearInterval(timer);
+  }, []);
+}

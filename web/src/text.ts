@@ -176,7 +176,7 @@ export const text = {
     start: "Start", trainee: "Trainee", case: "Case", station: "Station", length: "Duration", state: "State", missing: "Missing steps", actions: "Actions",
     nobody: "No trainee",
     states: { open: "Running", closed: "Closed", deserted: "Station left", interrupted: "Interrupted" } as Record<string, string>,
-    kinds: { open: "good", deserted: "look", interrupted: "act" } as Record<string, string>,
+    kinds: { open: "good", deserted: "look", interrupted: "act" } as Record<string, "good" | "look" | "act">,
     report: "Report", trace: "Trace", live: "Live", scope: "Scope",
     compare: "Compare", newest: "Newest", older: "Older",
     remove: "Delete", removeTitle: "Delete this session?",
@@ -261,6 +261,13 @@ export const text = {
       none: "No entries yet",
       howMany: "Entries", last: (n: number) => `Last ${formats[0]!.format(n)}`,
       time: "Time", actor: "Who", action: "Action", subject: "Object",
+      server: "Server", // where no person did it
+      actions: {
+        add: "Added", code: "Sign-in code made", end: "Ended", enrol: "Added to a course", erase: "Erased", "full name": "Full name changed", open: "Session opened",
+        remove: "Deleted", rename: "Renamed", restore: "Restored", "sign in": "Signed in", "sign out": "Signed out", unenrol: "Removed from a course",
+        "undo refused": "Undo refused",
+      } as Record<string, string>,
+      actionOf: (action: string): string => text.admin.audit.actions[action] ?? sentence(action),
     },
   },
 

@@ -397,6 +397,27 @@ static enum result check_portals(const struct knee_case *knee, struct error *err
     return RESULT_OK;
 }
 
+static bool is_radius(double radius_mm) { // NaN is none
+    return radius_mm >= CASE_LOOSE_RADIUS_LEAST_MM && radius_mm <= CASE_LOOSE_RADIUS_MOST_MM;
+}
+
+static enum result check_loose(const struct knee_case *knee, struct error *err) {
+    for (int i = 0; i < knee->loose_count; i++) {
+        const struct case_loose *loose = &knee->loose[i];
+        if (!case_name_is_valid(loose->name))
+            return fail(err, RESULT_INVALID, "loose[%d] has no valid name", i);
+        if (case_loose_index(knee, loose->name) != i)
+            return fail(err, RESULT_INVALID, "there are two loose bodies %s", loose->name);
+        if (!vec3_is_finite(loose->at))
+            return fail(err, RESULT_INVALID, "loose body %s: the place is not finite", loose->name);
+        if (!is_radius(loose->radii_mm.x) || !is_radius(loose->radii_mm.y) ||
+            !is_radius(loose->radii_mm.z))
+            return fail(err, RESULT_INVALID, "loose body %s: its radii are not from %g to %g mm",
+                        loose->name, CASE_LOOSE_RADIUS_LEAST_MM, CASE_LOOSE_RADIUS_MOST_MM);
+    }
+    return RESULT_OK;
+}
+
 static enum result check_landmarks(const struct knee_case *knee, struct error *err) {
     for (int i = 0; i < knee->landmark_count; i++) {
         const struct case_landmark *landmark = &knee->landmarks[i];
@@ -477,6 +498,8 @@ enum result case_validate(const struct knee_case *knee, struct error *err) {
     enum result result = check_portals(knee, err);
     if (result == RESULT_OK)
         result = check_landmarks(knee, err);
+    if (result == RESULT_OK)
+        result = check_loose(knee, err);
     if (result == RESULT_OK)
         result = check_patella(knee, err);
     if (result == RESULT_OK)

@@ -20,6 +20,7 @@
 #define CASE_LIGAMENTS_MAX 8 // torn ones
 #define CASE_KEYS_MAX 32     // of all of them together; also of the rest path
 #define CASE_LANDMARKS_MAX 64
+#define CASE_LOOSE_MAX 8 // loose bodies
 
 enum body { BODY_FEMUR, BODY_TIBIA, BODY_PATELLA, BODY_COUNT };
 
@@ -90,6 +91,17 @@ struct case_key {
     pose physical, target;
 };
 
+// A loose body: a rigid ellipsoid of cartilage that nothing holds. It is the patient's alone.
+struct case_loose {
+    char name[CASE_NAME_MAX];
+    enum body body;
+    vec3 at; // on the patient's surface (S') of a bone or a meniscus, in the frame of the body
+    vec3 radii_mm; // its half axes, each within the bounds below; it lies on the side of the last
+};
+
+#define CASE_LOOSE_RADIUS_LEAST_MM 1.0
+#define CASE_LOOSE_RADIUS_MOST_MM 6.0
+
 struct knee_case {
     char name[CASE_NAME_MAX];
     char title[128];
@@ -104,6 +116,8 @@ struct knee_case {
     struct case_portal portals[CASE_PORTALS_MAX];
     int landmark_count;
     struct case_landmark landmarks[CASE_LANDMARKS_MAX];
+    int loose_count;
+    struct case_loose loose[CASE_LOOSE_MAX];
     int patella_key_count; // rising flexion; 0: the patella stays in the rest pose
     struct patella_key patella_keys[PATELLA_KEYS_MAX];
     int rest_count; // T_femur_tibia of the mock-up at rest over flexion; 0: that of the joint's
@@ -142,10 +156,11 @@ enum result case_load_checked(const char *dir, case_checker check, struct knee_c
 // Refused: a missing tibia or femur; a cuttable group that is not one closed, manifold, oriented
 // component facing outwards; a lesion of a group that is not cuttable, or a part of it that lies
 // beside the virtual mesh; a displacement, pose, portal or patella key that is not finite or out of
-// order; a landmark without a valid and new name or with a place or error that is none; shares
-// outside 0 to 1, or of a bridge from a body to itself; a group of which all or something that can
-// be cut is covered; a torn ligament without a key
-// or with another's name, or a key of none; a group without a mesh. The error names group or key.
+// order; a landmark without a valid and new name or with a place or error that is none; a loose
+// body without a valid and new name or with a place or radii that are none; shares outside 0 to 1,
+// or of a bridge from a body to itself; a group of which all or something that can be cut is
+// covered; a torn ligament without a key or with another's name, or a key of none; a group without
+// a mesh. The error names group or key.
 enum result case_validate(const struct knee_case *knee, struct error *err);
 
 // Writes both files into `dir` (made where missing, with its parents) and sets the hash. The case
@@ -212,6 +227,8 @@ pose case_patella_pose(const struct knee_case *knee, double flexion_deg);
 // The joint at rest at a flexion: between the keys of the rest path, straight in each coordinate,
 // constant past the outer ones; where there is none, that of the joint's axes.
 struct joint_angles case_rest(const struct knee_case *knee, double flexion_deg);
+
+int case_loose_index(const struct knee_case *knee, const char *name); // -1: no such loose body
 
 // NULL: no such landmark.
 const struct case_landmark *case_landmark(const struct knee_case *knee, const char *name);

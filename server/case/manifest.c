@@ -298,6 +298,15 @@ static void read_landmark(struct manifest *m, const struct object *object, struc
         refuse_key(m, object, "by", "neither proposal nor hand");
 }
 
+static void read_loose(struct manifest *m, const struct object *object, struct knee_case *knee) {
+    struct case_loose *loose = &knee->loose[knee->loose_count++];
+    read_name(m, object, "name", loose->name);
+    if (!body_from_name(read_string(m, object, "body"), &loose->body))
+        refuse_key(m, object, "body", "neither femur, tibia nor patella");
+    loose->at = read_vec3(m, object, "at");
+    loose->radii_mm = read_vec3(m, object, "radii_mm");
+}
+
 static void read_patella(struct manifest *m, const struct object *object, struct knee_case *knee) {
     struct patella_key *key = &knee->patella_keys[knee->patella_key_count++];
     key->flexion_deg = read_number(m, object, "flexion_deg");
@@ -375,12 +384,14 @@ static void read_lists(struct manifest *m, const struct object *root, struct kne
                                              "side",   "zones",  NULL};
     static const char *const portal_keys[] = {"name", "position", "direction", NULL};
     static const char *const landmark_keys[] = {"name", "body", "at", "error_mm", "by", NULL};
+    static const char *const loose_keys[] = {"name", "body", "at", "radii_mm", NULL};
     static const char *const patella_keys[] = {"flexion_deg", "T_femur_patella", NULL};
     static const char *const torn_keys[] = {"ligament", "keys", NULL};
     static const struct manifest_list lists[] = {
         {"groups", CASE_GROUPS_MAX, group_keys, read_group},
         {"portals", CASE_PORTALS_MAX, portal_keys, read_portal},
         {"landmarks", CASE_LANDMARKS_MAX, landmark_keys, read_landmark},
+        {"loose", CASE_LOOSE_MAX, loose_keys, read_loose},
         {"patella", PATELLA_KEYS_MAX, patella_keys, read_patella},
         {"torn", CASE_LIGAMENTS_MAX, torn_keys, read_torn},
     };
@@ -405,14 +416,14 @@ static void check_format(struct manifest *m, const json_t *root) {
         refuse(m, RESULT_MISSING, "format", "not a whole number: is this a case's manifest?");
     else if (json_integer_value(format) < 1 || json_integer_value(format) > MANIFEST_FORMAT)
         refuse(m, RESULT_VERSION, "format",
-               "of another version than 1 to 3, which are read here: is the program older?");
+               "of another version than 1 to 4, which are read here: is the program older?");
 }
 
 static struct knee_case *read_root(struct manifest *m, const json_t *json,
                                    uint64_t *out_anatomy_hash) {
     static const char *const keys[] = {"format", "name", "title",   "side",    "anatomy_xxh3",
                                        "joint",  "scan", "groups",  "portals", "landmarks",
-                                       "rest",   "torn", "patella", NULL};
+                                       "rest",   "torn", "patella", "loose",   NULL};
     check_format(m, json);
     struct object root = open_object(m, json, "", keys);
     char name[CASE_NAME_MAX] = "unnamed";

@@ -15,6 +15,8 @@
 //       "portals": [ { "name": "anterolateral", "position": [x, y, z], "direction": […] }, … ],
 //       "landmarks": [ { "name": "notch", "body": "femur", "at": [x, y, z], "error_mm": 1.5,
 //                        "by": "proposal" }, … ],
+//       "loose": [ { "name": "loose_1", "body": "femur", "at": [x, y, z],
+//                    "radii_mm": [3.5, 3, 2] }, … ],
 //       "rest": [ [x, y, z, qw, qx, qy, qz], … ],
 //       "torn": [ { "ligament": "mcl",
 //                   "keys": [ { "physical": [x, y, z, qw, …], "target": […] }, … ] }, … ],
@@ -26,16 +28,16 @@
 // was imported to the femur's frame; where mirrored, its x changes its sign before. tissue, label,
 // colour, side and zones describe a group; what is absent follows from its name (case/tissue.h),
 // and is not written. title, scan, bridges, cuttable, lesion and its regions, portals, landmarks,
-// rest, torn, patella and anatomy_xxh3 may be absent. Remove anatomy_xxh3 after you have edited
-// anatomy.glb on purpose. Other keys are refused.
+// loose, rest, torn, patella and anatomy_xxh3 may be absent. Remove anatomy_xxh3 after you have
+// edited anatomy.glb on purpose. Other keys are refused.
 #pragma once
 
 #include "case/case.h"
 
-// Format 2 has scan and landmarks besides, format 3 descriptions of groups. A manifest is written
-// in the lowest format that holds it, which older programs read; of a higher one they say that it
-// is of another version.
-#define MANIFEST_FORMAT 3
+// Format 2 has scan and landmarks besides, format 3 descriptions of groups, format 4 loose bodies.
+// A manifest is written in the lowest format that holds it, which older programs read; of a higher
+// one they say that it is of another version.
+#define MANIFEST_FORMAT 4
 
 // Makes a case with groups that have no mesh yet. The error names the key's path. The caller
 // destroys *out_case. *out_anatomy_hash is 0 where the manifest has none.

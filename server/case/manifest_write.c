@@ -71,6 +71,8 @@ static bool is_described(const struct case_group *group) {
 }
 
 static int format_of(const struct knee_case *knee) {
+    if (knee->loose_count)
+        return 4;
     for (int i = 0; i < knee->group_count; i++)
         if (is_described(&knee->groups[i]))
             return 3;
@@ -112,6 +114,17 @@ static json_t *write_landmarks(const struct knee_case *knee) {
                                                "body", body_name(landmark->body), "at",
                                                vector(landmark->at), "error_mm", landmark->error_mm,
                                                "by", landmark->by_hand ? "hand" : "proposal"));
+    }
+    return array;
+}
+
+static json_t *write_loose(const struct knee_case *knee) {
+    json_t *array = json_array();
+    for (int i = 0; i < knee->loose_count; i++) {
+        const struct case_loose *loose = &knee->loose[i];
+        json_array_append_new(array, json_pack("{s:s, s:s, s:o, s:o}", "name", loose->name, "body",
+                                               body_name(loose->body), "at", vector(loose->at),
+                                               "radii_mm", vector(loose->radii_mm)));
     }
     return array;
 }
@@ -166,6 +179,8 @@ char *manifest_write(const struct knee_case *knee, uint64_t anatomy_hash) {
                                       "T_case_scan", pose_array(knee->T_case_scan)));
     if (root && knee->landmark_count)
         json_object_set_new(root, "landmarks", write_landmarks(knee));
+    if (root && knee->loose_count)
+        json_object_set_new(root, "loose", write_loose(knee));
     char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(root);
     return text;

@@ -55,3 +55,10 @@ struct joint_angles case_rest(const struct knee_case *knee, double flexion_deg) 
         high = low;
     return between(low, high, flexion_deg);
 }
+
+int case_loose_index(const struct knee_case *knee, const char *name) {
+    for (int i = 0; i < knee->loose_count; i++)
+        if (strcmp(knee->loose[i].name, name) == 0)
+            return i;
+    return -1;
+}

@@ -81,6 +81,8 @@ void bytes_text(const uint8_t *bytes, size_t count, char *out_text) {
 }
 
 static bool ever_there(const struct step_field *field, const struct contents *contents) {
+    if (field->owner <= OWNER_LOOSE)
+        return OWNER_LOOSE - field->owner < contents->header.loose_count;
     if (field->owner <= OWNER_MOVE)
         return OWNER_MOVE - field->owner < contents->moves;
     switch (step_field_part(field)) {

@@ -155,6 +155,8 @@ static enum result add_steps(struct knee_case *knee, const struct recipe *recipe
             continue;
         if (kind == PATHOLOGY_CAVITY)
             step.cavity.dent.at = vec3_scale(recipe->size, step.cavity.dent.at);
+        if (kind == PATHOLOGY_LOOSE)
+            step.loose.at = vec3_scale(recipe->size, step.loose.at);
         for (int k = 0; kind == PATHOLOGY_TISSUE && k < step.tissue.path_count; k++)
             step.tissue.path[k] = vec3_scale(recipe->size, step.tissue.path[k]);
         enum result result = pathology_apply(knee, &step, recipe->rim_mm, err);
@@ -187,6 +189,8 @@ enum result generate_knee(const struct recipe *recipe, struct knee_case **out_ca
         result = add_steps(knee, recipe, PATHOLOGY_PLAN, err);
     if (result == RESULT_OK)
         result = add_steps(knee, recipe, PATHOLOGY_TISSUE, err);
+    if (result == RESULT_OK)
+        result = add_steps(knee, recipe, PATHOLOGY_LOOSE, err);
     if (result != RESULT_OK)
         case_destroy(&knee);
     *out_case = knee;

@@ -133,5 +133,7 @@ enum result pathology_apply(struct knee_case *knee, const struct pathology *step
         return add_cavity(knee, &step->cavity, rim_mm, err);
     if (step->kind == PATHOLOGY_TISSUE)
         return add_tissue_apply(knee, step->name, &step->tissue, err);
+    if (step->kind == PATHOLOGY_LOOSE)
+        return add_loose_apply(knee, step->name, &step->loose, err);
     return treat_meniscus(knee, step, rim_mm, err);
 }

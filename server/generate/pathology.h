@@ -2,6 +2,7 @@
 // or imported. A recipe is a list of them, and each is a command of arthron-case.
 #pragma once
 
+#include "generate/add_loose.h"
 #include "generate/add_tissue.h"
 #include "generate/deform.h"
 #include "generate/tear.h"
@@ -14,6 +15,7 @@ enum pathology_kind {
     PATHOLOGY_TEAR,   // of a meniscus, with the plan that takes it out
     PATHOLOGY_PLAN,   // a planned resection, in place of the one that there is
     PATHOLOGY_TISSUE, // a group that is added, or described
+    PATHOLOGY_LOOSE,  // loose bodies
     PATHOLOGY_KIND_COUNT
 };
 
@@ -59,6 +61,7 @@ struct pathology {
         struct pathology_plan plan;
         struct pathology_ligament ligament;
         struct add_tissue tissue;
+        struct add_loose loose;
     };
 };
 

@@ -6,8 +6,8 @@
 #include <string.h>
 
 const char *pathology_kind_name(enum pathology_kind kind) {
-    static const char *const names[PATHOLOGY_KIND_COUNT] = {"ligament", "cavity", "tear", "plan",
-                                                            "tissue"};
+    static const char *const names[PATHOLOGY_KIND_COUNT] = {"ligament", "cavity", "tear",
+                                                            "plan",     "tissue", "loose"};
     CHECK((unsigned)kind < PATHOLOGY_KIND_COUNT);
     return names[kind];
 }
@@ -22,6 +22,8 @@ void pathology_init(struct pathology *step, enum pathology_kind kind, const char
         step->tear.tear.kind = TEAR_KIND_COUNT;
     if (kind == PATHOLOGY_TISSUE)
         add_tissue_init(&step->tissue);
+    if (kind == PATHOLOGY_LOOSE)
+        add_loose_init(&step->loose);
 }
 
 // ---- numbers ------------------------------------------------------------------------------------
@@ -140,6 +142,8 @@ enum result pathology_take(struct pathology *step, const char *key, const char *
         return take_series(step, word, value, err);
     if (step->kind == PATHOLOGY_TISSUE)
         return add_tissue_take(&step->tissue, key, value, err);
+    if (step->kind == PATHOLOGY_LOOSE)
+        return add_loose_take(&step->loose, key, value, err);
     if (step->kind == PATHOLOGY_CAVITY)
         return take_place(&step->cavity, key, value, err);
     if (step->kind == PATHOLOGY_TEAR && strcmp(key, "group") == 0)
@@ -221,6 +225,8 @@ enum result pathology_check(const struct pathology *step, struct error *err) {
         return check_tear(&step->tear, err);
     case PATHOLOGY_TISSUE:
         return add_tissue_check(&step->tissue, err);
+    case PATHOLOGY_LOOSE:
+        return add_loose_check(&step->loose, err);
     default:
         return check_plan(&step->plan, err);
     }

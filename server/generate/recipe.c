@@ -51,7 +51,7 @@ static enum result read_number(struct recipe_reader *r, const char *section, con
 static const int steps_max[PATHOLOGY_KIND_COUNT] = {
     [PATHOLOGY_LIGAMENT] = CASE_LIGAMENTS_MAX, [PATHOLOGY_CAVITY] = RECIPE_CAVITIES_MAX,
     [PATHOLOGY_TEAR] = RECIPE_MENISCUS_MAX,    [PATHOLOGY_PLAN] = RECIPE_MENISCUS_MAX,
-    [PATHOLOGY_TISSUE] = RECIPE_TISSUES_MAX,
+    [PATHOLOGY_TISSUE] = RECIPE_TISSUES_MAX,   [PATHOLOGY_LOOSE] = CASE_LOOSE_MAX,
 };
 
 static const char *const steps_limits[PATHOLOGY_KIND_COUNT] = {
@@ -60,6 +60,7 @@ static const char *const steps_limits[PATHOLOGY_KIND_COUNT] = {
     [PATHOLOGY_TEAR] = "at most 4 tears, with names of at most 63 characters",
     [PATHOLOGY_PLAN] = "at most 4 plans, with names of at most 63 characters",
     [PATHOLOGY_TISSUE] = "at most 8 tissues, with names of letters, digits and \"_-.\"",
+    [PATHOLOGY_LOOSE] = "at most 8 loose bodies, with names of letters, digits and \"_-.\"",
 };
 
 // "[tear NAME]": the kind, and the name; NULL for another section.
@@ -83,7 +84,8 @@ static struct pathology *step_of(struct recipe *recipe, enum pathology_kind kind
             return &recipe->steps[i];
         same += recipe->steps[i].kind == kind;
     }
-    bool is_name = kind == PATHOLOGY_LIGAMENT || kind == PATHOLOGY_TISSUE;
+    bool is_name =
+        kind == PATHOLOGY_LIGAMENT || kind == PATHOLOGY_TISSUE || kind == PATHOLOGY_LOOSE;
     bool named = is_name ? case_name_is_valid(name) : strlen(name) < sizeof recipe->steps[0].name;
     if (same == steps_max[kind] || !named)
         return NULL;

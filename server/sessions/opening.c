@@ -28,6 +28,7 @@ void opening_header(const struct sessions *s, int station, const uint8_t id[16],
         .start_ns = clock_now_ns(),
         .settings = s->config.settings,
         .optic = s->config.stations[station].optic,
+        .loose_count = knee->loose_count,
     };
     memcpy(out->session_id, id, sizeof out->session_id);
     snprintf(out->station, sizeof out->station, "%s", station_name(s, station));

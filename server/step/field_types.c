@@ -37,6 +37,8 @@ DEFINE_TYPE(tissue, int, 1, 0, TISSUES_MAX - 1, "%d", v);
 DEFINE_TYPE(nearest, int, 4, -1, WARP_SURFACES_MAX - 1, "%d", v);
 DEFINE_TYPE(torn_count, int, 1, 0, ADAPTIVE_LIGAMENTS_MAX, "%d", v);
 DEFINE_TYPE(move_count, int, 1, 1, JOB_MOVES_MAX, "%d", v);
+DEFINE_TYPE(carrier, int, 1, 0, BODY_COUNT + INSTRUMENT_COUNT - 1, "%s", output_carrier_name(v));
+DEFINE_NAMED(loose, loose_state, 0, LOOSE_STATE_COUNT, loose_state_name);
 DEFINE_NAMED(state, session_state, 0, SESSION_STATE_COUNT, session_state_name);
 DEFINE_NAMED(validity, validity, 0, VALIDITY_COUNT, validity_name);
 DEFINE_TYPE(blade, int, 1, 0, BLADE_MOST, "%s", channel_name((enum channel)(v + CHANNEL_PUNCH)));

@@ -15,4 +15,5 @@ struct field_type {
 
 extern const struct field_type field_real, field_count, field_time, field_bits, field_hash,
     field_flag, field_state, field_events, field_validity, field_blade, field_job, field_mode,
-    field_outcome, field_input, field_tissue, field_nearest, field_torn_count, field_move_count;
+    field_outcome, field_input, field_tissue, field_nearest, field_torn_count, field_move_count,
+    field_loose, field_carrier;

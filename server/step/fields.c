@@ -14,7 +14,7 @@ _Static_assert(sizeof(struct instrument_output) == 592, "the output of an instru
 _Static_assert(sizeof(struct blade_move) == 136, "a move");
 _Static_assert(sizeof(struct job) == 24 + JOB_MOVES_MAX * sizeof(struct blade_move), "a job");
 _Static_assert(sizeof(struct tissue_figures) == 352, "the figures of a tissue");
-_Static_assert(sizeof(struct session_output) == 5696 + sizeof(struct job), "the output of a step");
+_Static_assert(sizeof(struct session_output) == 6216 + sizeof(struct job), "the output of a step");
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "values are copied as they lie");
 _Static_assert(offsetof(pose, translation) == 4 * sizeof(double), "a pose is seven reals");
 
@@ -175,6 +175,13 @@ static const struct member fitted_members[] = {
     ONE_SINCE(5, "seen_untouched_mm3", real, struct landed, figures.seen_untouched_mm3),
     ONE_SINCE(5, "touch_hash", hash, struct landed, touch_hash),
 };
+
+static const struct member loose_members[] = {
+    ONE_SINCE(6, "state", loose, struct loose_output, state),
+    ONE_SINCE(6, "on", carrier, struct loose_output, carrier),
+    {"", pose_parts, &field_real, offsetof(struct loose_output, T_mockup_loose), 7, 6},
+};
+_Static_assert(sizeof(struct loose_output) == 64, "a loose body");
 
 // Of all fields: that of older versions is of fewer.
 static const struct member hash_member[] = {
@@ -368,6 +375,17 @@ static void take_landed(struct pass *p, struct landed *landed) {
         TAKE(p, fitted_members, landed);
 }
 
+static void take_loose(struct pass *p, struct session_output *o) {
+    static const char *const names[] = {"loose_1", "loose_2", "loose_3", "loose_4",
+                                        "loose_5", "loose_6", "loose_7", "loose_8"};
+    _Static_assert(sizeof names / sizeof *names == CASE_LOOSE_MAX, "a name for each");
+    int count = p->task == LIST ? CASE_LOOSE_MAX : o->loose_count;
+    for (int i = 0; i < count; i++) {
+        name(p, OWNER_LOOSE - i, names[i], NULL);
+        TAKE(p, loose_members, &o->loose[i]);
+    }
+}
+
 static void take_output(struct pass *p, struct session_output *o) {
     name(p, OWNER_STEP, NULL, NULL);
     TAKE(p, step_members, o);
@@ -379,6 +397,7 @@ static void take_output(struct pass *p, struct session_output *o) {
         take_instrument(p, &o->instruments[i], i);
     take_job(p, &o->job);
     take_landed(p, &o->landed);
+    take_loose(p, o);
 }
 
 // Only DECODE writes to the output.
@@ -391,10 +410,11 @@ void output_encode(struct writer *w, const struct session_output *output, int ru
     take_output(&p, unchanged(output));
 }
 
-bool output_decode(struct reader *r, int version, int rules, int described,
+bool output_decode(struct reader *r, int version, int rules, int described, int loose,
                    struct session_output *out) {
     struct pass p = {.task = DECODE, .r = r, .version = version, .rules = rules, .good = true};
     out->described = described;
+    out->loose_count = loose;
     take_output(&p, out);
     return p.good;
 }
@@ -424,6 +444,8 @@ static const char *field_at(const struct step_field *field, const void *output) 
 }
 
 int step_field_part(const struct step_field *field) {
+    if (field->owner <= OWNER_LOOSE)
+        return OWNER_STEP;
     return field->owner == OWNER_CUT || field->owner <= OWNER_MOVE ? OWNER_JOB : field->owner;
 }
 
@@ -431,6 +453,8 @@ bool step_field_is_there(const struct step_field *field, const struct session_ou
     const struct job *job = &output->job;
     if (field->owner == OWNER_STEP)
         return true;
+    if (field->owner <= OWNER_LOOSE)
+        return OWNER_LOOSE - field->owner < output->loose_count;
     if (field->owner == OWNER_JOB)
         return job->id != 0;
     if (field->owner == OWNER_LANDED)

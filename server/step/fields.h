@@ -14,9 +14,9 @@
 void output_encode(struct writer *writer, const struct session_output *output, int rules);
 
 // *out_output must be zero. `version`: of the trace that has the bytes. `described`: instruments of
-// its session, beside the usual ones. FORMAT.md says which values fields get that this version
-// lacks. False if a value is out of its range.
-bool output_decode(struct reader *reader, int version, int rules, int described,
+// its session, beside the usual ones. `loose`: loose bodies of its case. FORMAT.md says which
+// values fields get that this version lacks. False if a value is out of its range.
+bool output_decode(struct reader *reader, int version, int rules, int described, int loose,
                    struct session_output *out_output);
 
 // XXH3 (64 bits) of the hash of the step before and of the encoded output.
@@ -24,8 +24,8 @@ uint64_t output_hash(uint64_t previous, const struct session_output *output, int
 
 // ---- names --------------------------------------------------------------------------------------
 
-#define STEP_FIELDS_MAX 1280
-#define FIELD_TEXT_MAX 80
+#define STEP_FIELDS_MAX 1408
+#define FIELD_TEXT_MAX 112
 
 // The owner of a field: an instrument from 0, or one of these. The fields of an absent owner are 0.
 enum field_owner {
@@ -33,7 +33,8 @@ enum field_owner {
     OWNER_JOB = -2,
     OWNER_CUT = -3, // a job that cuts
     OWNER_LANDED = -4,
-    OWNER_MOVE = -5 // OWNER_MOVE - i: move i of a job that cuts
+    OWNER_MOVE = -5,  // OWNER_MOVE - i: move i of a job that cuts
+    OWNER_LOOSE = -64 // OWNER_LOOSE - i: loose body i
 };
 
 struct step_field {
@@ -49,6 +50,7 @@ struct step_field {
 int step_fields(struct step_field out_fields[STEP_FIELDS_MAX]);
 
 // The part of an output that has the field: an instrument, OWNER_STEP, OWNER_JOB or OWNER_LANDED.
+// Loose bodies are a part of the step.
 int step_field_part(const struct step_field *field);
 
 // Whether the field's owner is present in this output.

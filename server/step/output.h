@@ -34,19 +34,37 @@ struct instrument_output {
     enum validity handle_validity; // lost where it has none
 };
 
+// Values are in traces: append only.
+enum loose_state { LOOSE_LYING, LOOSE_HELD, LOOSE_OUT, LOOSE_STATE_COUNT };
+
+const char *loose_state_name(enum loose_state state); // "lying", "held", "out"
+
+// Of a loose body's carrier: "femur", "probe", ...
+const char *output_carrier_name(int carrier);
+
+// A loose body of the case. Out of the knee it is where it left it.
+struct loose_output {
+    enum loose_state state;
+    int carrier;         // the body that it lies on, or BODY_COUNT + the instrument that holds it
+    pose T_mockup_loose; // as to be shown: the ellipsoid's axes
+};
+
 enum event {
     EVENT_STATE = 1 << 0,       // the session's state changed
     EVENT_DEVICE_LOST = 1 << 1, // a sample went from ok or held to lost
     EVENT_DEVICE_BACK = 1 << 2,
-    EVENT_CONTACT = 1 << 3, // an instrument came within 0.2 mm of a surface
-    EVENT_RELEASE = 1 << 4, // and left it by more than 0.4 mm
-    EVENT_CUT = 1 << 5,     // a cut changed the tissue: it has landed
-    EVENT_PIECE = 1 << 6,   // and a piece came off
-    EVENT_REFUSED = 1 << 7, // a cut was refused
-    EVENT_UNDONE = 1 << 8   // a stroke was undone: its tissue is as it was before, this has landed
+    EVENT_CONTACT = 1 << 3,  // an instrument came within 0.2 mm of a surface
+    EVENT_RELEASE = 1 << 4,  // and left it by more than 0.4 mm
+    EVENT_CUT = 1 << 5,      // a cut changed the tissue: it has landed
+    EVENT_PIECE = 1 << 6,    // and a piece came off
+    EVENT_REFUSED = 1 << 7,  // a cut was refused
+    EVENT_UNDONE = 1 << 8,   // a stroke was undone: its tissue is as it was before, this has landed
+    EVENT_GRASPED = 1 << 9,  // a jaw closed on a loose body
+    EVENT_DROPPED = 1 << 10, // it opened, or lost it, inside the knee
+    EVENT_TAKEN_OUT = 1 << 11 // a loose body left through a portal
 };
 
-#define EVENT_COUNT 9
+#define EVENT_COUNT 12
 
 const char *event_name(int bit); // 0 "state", 1 "device_lost", ...
 
@@ -77,6 +95,8 @@ struct session_output {
     double opening[ADAPTIVE_LIGAMENTS_MAX], share[ADAPTIVE_LIGAMENTS_MAX];
     int described; // instruments of the session, beside the usual ones
     struct instrument_output instruments[INSTRUMENT_COUNT]; // [channel - CHANNEL_FIRST_INSTRUMENT]
+    int loose_count;                                        // of the case
+    struct loose_output loose[CASE_LOOSE_MAX];
     struct job job;       // to be run; id 0: none. At most one is on its way at any time
     struct landed landed; // at this step
     uint64_t hash;        // of all above and of the hash of the step before

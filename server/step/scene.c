@@ -188,6 +188,12 @@ enum result scene_create(struct knee_case **knee, struct scene **out_scene, stru
             return fail_in(err, result, "case %s, torn ligaments: ", (*knee)->name);
         }
     }
+    enum result result = loose_ground_create(*knee, &scene->loose_ground, err);
+    if (result != RESULT_OK) {
+        scene->knee = NULL;
+        scene_destroy(&scene);
+        return fail_in(err, result, "case %s: ", (*knee)->name);
+    }
     *knee = NULL;
     *out_scene = scene;
     return RESULT_OK;
@@ -213,6 +219,7 @@ void scene_destroy(struct scene **scene) {
         match_surface_destroy(&s->tissues[i].match);
         quality_plan_destroy(&s->tissues[i].plan);
     }
+    loose_ground_destroy(&s->loose_ground);
     case_destroy(&s->knee);
     free(s);
     *scene = NULL;

@@ -5,6 +5,7 @@
 #include "match/match.h"
 #include "quality/quality.h"
 #include "step/job.h"
+#include "step/loose.h"
 #include "warp/adaptive.h"
 #include "warp/warp.h"
 
@@ -30,6 +31,7 @@ struct scene {
     struct surface_integral *integrals[CASE_GROUPS_MAX]; // of S', of S where there is none
     struct warp_surface surfaces[CASE_GROUPS_MAX];
     struct adaptive *adaptive[ADAPTIVE_COUNT]; // of the case's torn ligaments
+    struct loose_ground *loose_ground;         // NULL: the case has no loose bodies
     int tissue_count;
     struct scene_tissue tissues[TISSUES_MAX];
 };

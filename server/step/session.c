@@ -6,6 +6,7 @@
 #include "step/cutting.h"
 #include "step/easing.h"
 #include "step/fields.h"
+#include "step/loose.h"
 #include "step/samples.h"
 
 #include <stdlib.h>
@@ -38,6 +39,7 @@ struct session {
     struct warp_surface surfaces[CASE_GROUPS_MAX];
     struct easing *easings[TISSUES_MAX]; // NULL where the tissue has no S'_max
     struct cutting cutting;
+    struct loose *loose; // NULL: the case has none
     uint64_t last_job;
     enum job_kind job_out; // given to the caller, and not yet landed; JOB_NONE: no job is
     uint32_t stroke_out;   // that it is of
@@ -84,6 +86,7 @@ struct session *session_create(const struct scene *scene, const struct session_s
     s->settings = *settings;
     s->cutting.rules = settings->rules;
     s->cutting.instruments = &s->settings.instruments;
+    s->loose = loose_create(scene->knee, scene->loose_ground);
     take_surfaces(s);
     forget(s);
     return s;
@@ -92,6 +95,7 @@ struct session *session_create(const struct scene *scene, const struct session_s
 void session_destroy(struct session **session) {
     for (int t = 0; t < TISSUES_MAX; t++)
         easing_destroy(&(*session)->easings[t]);
+    loose_destroy(&(*session)->loose);
     free(*session);
     *session = NULL;
 }
@@ -136,6 +140,8 @@ static uint32_t change_state(struct session *s, enum input_kind kind) {
     if (kind == INPUT_RESET && before != SESSION_CLOSED) {
         forget(s);
         restore_tissues(s);
+        if (s->loose)
+            loose_reset(s->loose);
         return EVENT_STATE;
     }
     return s->state != before ? EVENT_STATE : 0;
@@ -389,6 +395,16 @@ static uint32_t move_instruments(struct session *s, int64_t passed_ns, struct se
     return events;
 }
 
+// ---- loose bodies -------------------------------------------------------------------------------
+
+static uint32_t move_loose(struct session *s, int64_t passed_ns, struct session_output *out) {
+    struct loose_tools tools = {&s->settings.instruments, s->settings.bodies, s->portals};
+    uint32_t cut = 0;
+    for (int t = 0; t < s->scene->tissue_count; t++)
+        cut |= (uint32_t)s->touched[t] << s->scene->tissues[t].group;
+    return loose_step(s->loose, &tools, s->state == SESSION_RUNNING, passed_ns, cut, out);
+}
+
 // ---- jobs ---------------------------------------------------------------------------------------
 
 static bool restoring_is_due(struct session *s, struct job *out_job) {
@@ -461,6 +477,8 @@ void session_step(struct session *s, const struct session_input *input,
         out->events |= move_instruments(s, s->time_ns - before_ns, out);
     else
         memset(s->seen, 0, sizeof s->seen);
+    if (s->loose)
+        out->events |= move_loose(s, s->time_ns - before_ns, out);
     ask_for_job(s, out);
     s->hash = output_hash(s->hash, out, s->settings.rules);
     out->hash = s->hash;

@@ -105,6 +105,21 @@ static const char tissue_help[] =
     "                   of the tube round the curve, 0.5 to 30\n"
     "  --flat X,Y,Z     about the direction in which it is thin (default: 0,0,1)\n" COMMON_HELP;
 
+static const char loose_help[] =
+    "Usage: arthron-case loose DIR --loose NAME --count N [OPTION...] --out DIR\n"
+    "       arthron-case loose DIR --loose NAME --body BODY --at PLACE [OPTION...] --out DIR\n"
+    "\n"
+    "Adds loose bodies: rigid pieces of cartilage that lie on a bone, are pushed by instruments\n"
+    "and taken out with a grasper. The words are those of a recipe's [loose NAME].\n"
+    "\n"
+    "  --loose NAME     its name\n"
+    "  --count N        so many, NAME_1, NAME_2, ..., at places that hands reach; 1 to 8\n"
+    "  --body BODY      tibia or femur\n"
+    "  --at PLACE       a landmark of the case (notch), or X,Y,Z: mm from the joint's origin, x\n"
+    "                   lateral, y anterior, z proximal. It lies on the nearest surface\n"
+    "  --radii-mm X,Y,Z its half axes, 1 to 6 (default: 3.5,3,2). It lies on the side of the\n"
+    "                   last\n" COMMON_HELP;
+
 struct pathology_request {
     const char *dir, *out, *name, *title;
     double rim_mm;
@@ -169,6 +184,12 @@ static const struct pathology_command {
                            WORD("width-mm"),
                            WORD("thickness-mm"),
                            WORD("flat")}},
+    [PATHOLOGY_LOOSE] = {loose_help,
+                         {{"loose", required_argument, NULL, 'l'},
+                          WORD("count"),
+                          WORD("body"),
+                          WORD("at"),
+                          WORD("radii-mm")}},
 };
 
 static void gather_options(enum pathology_kind kind, struct option out[WORDS_MAX]) {
@@ -245,7 +266,7 @@ static int parse(int argc, char **argv, struct pathology_request *request, bool 
         return usage_error(command, "one case folder is needed");
     if (!request->out)
         return usage_error(command, "--out is needed");
-    if ((kind == PATHOLOGY_LIGAMENT || kind == PATHOLOGY_TISSUE) && !request->step.name[0])
+    if (commands[kind].words[0].val == 'l' && !request->step.name[0])
         return usage_error(command, "--%s is needed", options[0].name);
     if (pathology_check(&request->step, &err) != RESULT_OK)
         return usage_error(command, "%s", err.text);
@@ -301,4 +322,8 @@ int command_tear(int argc, char **argv) {
 
 int command_tissue(int argc, char **argv) {
     return command(PATHOLOGY_TISSUE, argc, argv);
+}
+
+int command_loose(int argc, char **argv) {
+    return command(PATHOLOGY_LOOSE, argc, argv);
 }

@@ -76,6 +76,16 @@ static enum result report_ligament(const struct knee_case *knee, const char *nam
     return result;
 }
 
+static enum result report_loose(const struct knee_case *knee) {
+    for (int i = 0; i < knee->loose_count; i++) {
+        const struct case_loose *loose = &knee->loose[i];
+        printf("%s: on the %s at %.1f %.1f %.1f, half axes %g %g %g mm\n", loose->name,
+               body_name(loose->body), loose->at.x, loose->at.y, loose->at.z, loose->radii_mm.x,
+               loose->radii_mm.y, loose->radii_mm.z);
+    }
+    return RESULT_OK;
+}
+
 static enum result report_tissue(const struct knee_case *knee, const char *name) {
     for (int i = 0; i < knee->group_count; i++) {
         const struct case_group *group = &knee->groups[i];
@@ -96,6 +106,8 @@ enum result pathology_report(const struct knee_case *knee, const struct patholog
         return report_ligament(knee, step->name, err);
     if (step->kind == PATHOLOGY_TISSUE)
         return report_tissue(knee, step->name);
+    if (step->kind == PATHOLOGY_LOOSE)
+        return report_loose(knee);
     if (step->kind == PATHOLOGY_CAVITY)
         return report_cavity(knee, step->cavity.body);
     for (int i = 0; i < knee->group_count; i++)

@@ -65,11 +65,8 @@ static void read_settings(struct reader *r, unsigned version, struct session_set
     out->ease_mm_s = read_f64(r);
 }
 
-// Instruments beyond the usual ones, where there are any: a header without them has the bytes that
-// it had before there were descriptions.
+// Instruments beyond the usual ones.
 static void write_described(struct writer *w, const struct session_settings *s) {
-    if (s->instruments.count == INSTRUMENTS_USUAL)
-        return;
     write_u8(w, (uint8_t)(s->instruments.count - INSTRUMENTS_USUAL));
     for (int i = INSTRUMENTS_USUAL; i < s->instruments.count; i++) {
         const struct instrument *one = &s->instruments.of[i];
@@ -88,8 +85,6 @@ static void write_described(struct writer *w, const struct session_settings *s) 
 
 static enum result read_described(struct reader *r, struct session_settings *out,
                                   struct error *err) {
-    if (r->underflow || r->used == r->size)
-        return RESULT_OK;
     int count = read_u8(r);
     for (int i = 0; i < count && !r->underflow; i++) {
         struct instrument one = {0};
@@ -106,9 +101,8 @@ static enum result read_described(struct reader *r, struct session_settings *out
             break;
         read_body(r, &out->bodies[out->instruments.count - 1]);
     }
-    if (!r->underflow && (!count || out->instruments.count != INSTRUMENTS_USUAL + count))
-        return count ? RESULT_FORMAT : fail(err, RESULT_FORMAT, "it describes no instrument");
-    return RESULT_OK;
+    return r->underflow || out->instruments.count == INSTRUMENTS_USUAL + count ? RESULT_OK
+                                                                               : RESULT_FORMAT;
 }
 
 static bool settings_are_valid(const struct session_settings *s) {
@@ -163,6 +157,7 @@ size_t header_encode(const struct trace_header *h, struct chain *chain, uint8_t 
     write_text(&w, h->libc);
     write_text(&w, h->cpu);
     write_described(&w, &h->settings);
+    write_u8(&w, (uint8_t)h->loose_count);
     struct writer prefix = {out, HEADER_PREFIX, 0, false};
     write_bytes(&prefix, HEADER_MAGIC, 8);
     write_u16(&prefix, TRACE_VERSION);
@@ -211,9 +206,9 @@ static enum result check_settings(const struct trace_header *h, struct error *er
         return fail(err, RESULT_VERSION,
                     "its session follows the rules %d, and this program knows 1 to %d",
                     h->settings.rules, RULES_NEWEST);
-    if (h->settings.rules < 1 || !settings_are_valid(&h->settings) ||
-        !view_optic_is_valid(&h->optic) || !time_is_sane(h->start_ns) ||
-        !utc_is_sane(h->start_utc_ns))
+    if (h->settings.rules < 1 || h->loose_count > CASE_LOOSE_MAX ||
+        !settings_are_valid(&h->settings) || !view_optic_is_valid(&h->optic) ||
+        !time_is_sane(h->start_ns) || !utc_is_sane(h->start_utc_ns))
         return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
     return RESULT_OK;
 }
@@ -253,8 +248,9 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
     read_text(&r, h->build, sizeof h->build);
     read_text(&r, h->libc, sizeof h->libc);
     read_text(&r, h->cpu, sizeof h->cpu);
-    if (read_described(&r, &h->settings, err) != RESULT_OK)
+    if (version >= 6 && read_described(&r, &h->settings, err) != RESULT_OK)
         return fail_in(err, RESULT_FORMAT, "its header: ");
+    h->loose_count = version >= 6 ? read_u8(&r) : 0;
     if (r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "its header has not the size of its fields");
     return check_settings(h, err);

@@ -273,7 +273,8 @@ static enum result decode(struct trace_reader *r, const uint8_t *data, size_t si
                           struct trace_record *out, struct error *err) {
     memcpy(r->before, r->chain.value, sizeof r->before);
     struct trace_layout layout = {r->header.version, r->header.settings.rules,
-                                  r->header.settings.instruments.count - INSTRUMENTS_USUAL};
+                                  r->header.settings.instruments.count - INSTRUMENTS_USUAL,
+                                  r->header.loose_count};
     enum result result = record_decode(data, size, layout, &r->chain, out, &r->end, err);
     if (result == RESULT_OK && r->bound && out->type == TRACE_STEP)
         result = check_indexes(r, &out->output, err);

@@ -293,7 +293,8 @@ static bool read_marker(struct reader *r, struct marker *out) {
 
 static bool read_step(struct reader *r, struct trace_layout layout, struct trace_record *out) {
     bool good = read_input(r, &out->input, &out->job_done) &&
-                output_decode(r, (int)layout.version, layout.rules, layout.described, &out->output);
+                output_decode(r, (int)layout.version, layout.rules, layout.described, layout.loose,
+                              &out->output);
     out->output.hash = read_u64(r);
     return good && out->output.time_ns == out->input.time_ns;
 }

@@ -41,6 +41,7 @@ struct trace_layout {
     unsigned version;
     int rules;     // of the header's settings
     int described; // instruments, as there
+    int loose;     // of the header's loose bodies
 };
 
 // Each returns the size of the whole record and adds the record to the chain; chain NULL: zeros are

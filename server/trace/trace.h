@@ -13,7 +13,7 @@
 #include "step/session.h"
 #include "trace/remark.h"
 
-#define TRACE_VERSION 5
+#define TRACE_VERSION 6
 #define TRACE_OLDEST_VERSION 2    // the oldest that can be read
 #define TRACE_OLDEST_RESUMED 4    // the oldest that a resumed session can be appended to
 #define TRACE_FIRST_WITH_FAULTS 5 // the first with TRACE_FAULT, TRACE_TOUCH and TRACE_MARKER
@@ -36,9 +36,10 @@ struct trace_header {
     int64_t start_ns; // the server's monotonic clock at that moment
     struct session_settings settings;
     struct view_optic optic;
-    char build[64]; // SHA-1 of the compiled rooms that a step runs
-    char libc[64];  // the C library, which has the mathematical functions
-    char cpu[64];   // CPU level, as glibc names it
+    int loose_count; // loose bodies of the case
+    char build[64];  // SHA-1 of the compiled rooms that a step runs
+    char libc[64];   // the C library, which has the mathematical functions
+    char cpu[64];    // CPU level, as glibc names it
 };
 
 // Fills build, libc and cpu with those of this process.

@@ -52,6 +52,16 @@ struct instrument instrument_of_kind(enum instrument_kind kind) {
     return out;
 }
 
+struct instrument instrument_grasper(void) {
+    struct instrument grasper = instrument_of_kind(INSTRUMENT_JAW);
+    strcpy(grasper.name, "grasper");
+    grasper.cuts = false;
+    grasper.length_mm = 10;
+    grasper.width_mm = 4;
+    grasper.opening_deg = 60;
+    return grasper;
+}
+
 const struct instruments *instruments_usual(void) {
     // As instrument_of_kind gives them; a test compares the two.
     static const struct instruments usual = {

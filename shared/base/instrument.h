@@ -47,6 +47,9 @@ struct instruments {
 // The five, with the sizes of today's.
 const struct instruments *instruments_usual(void);
 
+// A grasper for loose bodies, as a station may describe it: "grasper", a jaw that does not cut.
+struct instrument instrument_grasper(void);
+
 // A typical one of its kind, without a name.
 struct instrument instrument_of_kind(enum instrument_kind kind);
 

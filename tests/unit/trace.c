@@ -414,9 +414,10 @@ static void every_byte_of_an_output_belongs_to_a_field(void **state) {
         told += (size_t)different;
     }
     // The rest is padding, after enums and counts of the output, in each instrument and in the
-    // moves, the blade of all moves but the first, and the number of described instruments.
-    assert_int_equal(sizeof before - told, 4 + 4 + INSTRUMENT_COUNT * (3 + 4 + 4 + 4 + 4) + 4 + 8 +
-                                               4 * (2 * JOB_MOVES_MAX - 1));
+    // moves, the blade of all moves but the first, and the numbers of described instruments and of
+    // loose bodies.
+    assert_int_equal(sizeof before - told, 4 + 4 + 8 + INSTRUMENT_COUNT * (3 + 4 + 4 + 4 + 4) + 4 +
+                                               8 + 4 * (2 * JOB_MOVES_MAX - 1));
 }
 
 int main(void) {

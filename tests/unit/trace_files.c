@@ -9,6 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#define LOOSE 2
+
 char path[FOLDER_MAX + 16], copy_path[FOLDER_MAX + 16];
 static char folder[FOLDER_MAX];
 
@@ -116,6 +118,15 @@ static void random_bones(struct random *r, struct session_output *out) {
     }
 }
 
+static void random_loose(struct random *r, struct session_output *out) {
+    out->loose_count = LOOSE;
+    for (int i = 0; i < LOOSE; i++) {
+        out->loose[i].state = random_bits(r) % LOOSE_STATE_COUNT;
+        out->loose[i].carrier = (int)(random_bits(r) % (BODY_COUNT + INSTRUMENT_COUNT));
+        out->loose[i].T_mockup_loose = any_pose(r);
+    }
+}
+
 static void random_instrument(struct random *r, struct instrument_output *out) {
     out->present = random_bits(r) % 2;
     if (!out->present)
@@ -193,6 +204,7 @@ static void random_output(struct random *r, uint64_t step, int64_t time_ns,
         random_instrument(r, &out->instruments[i]);
     random_job(r, &out->job);
     random_landed(r, &out->landed);
+    random_loose(r, out);
     out->hash = random_bits(r);
 }
 
@@ -224,6 +236,7 @@ struct trace_header some_header(void) {
                      .ease_share = 0.25,
                      .ease_mm_s = 1.5},
         .optic = {70, 85.5},
+        .loose_count = LOOSE,
     };
     struct session_settings usual = session_settings_default();
     h.settings.instruments = usual.instruments;

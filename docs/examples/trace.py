@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads traces of versions 2 to 5, with Python's standard library alone. server/trace/FORMAT.md describes the bytes.
+"""Reads traces of versions 2 to 6, with Python's standard library alone. server/trace/FORMAT.md describes the bytes.
 
   docs/examples/trace.py FILE
 
@@ -32,14 +32,18 @@ LAYOUTS = {
         step_mm:d zones:27d hash:Q differ:differ""",
     "remark": "number:I time_ns:q author:text text:text withdrawn:B has_marker:B body:B point:3d", "gap": "missing:Q",
     "end": "records:Q missing:Q certificate:bytes:3 signature:bytes:3", "resume": "utc_ns:q", "fault": "utc_ns:q",
-    "touch": "job:Q tissue:B size:I offset:I", "marker": "run:Q number:Q time_ns:q name:text device:text value:d"}
-RECORDS = {1: "step", 2: "gap", 3: "end", 4: "input", 5: "resume", 6: "remark", 7: "fault", 8: "touch", 9: "marker"}
+    "touch": "job:Q tissue:B size:I offset:I", "marker": "run:Q number:Q time_ns:q name:text device:text value:d",
+    "begun": """number:I purpose:B hand:B task:text mark_version:I pass_time_s:d pass_errors:I file:file""",
+    "ended": "number:I end:B verdict:B goals_met:I errors:I first_step:Q last_step:Q time_ns:q"}
+RECORDS = {1: "step", 2: "gap", 3: "end", 4: "input", 5: "resume", 6: "remark", 7: "fault", 8: "touch", 9: "marker",
+           10: "begun", 11: "ended"}
 EVENTS = "state device_lost device_back contact release cut piece refused undone".split()
 STATES = "waiting running paused closed".split()
 TOOLS, BODIES = "probe punch shaver knife scope".split(), "femur tibia patella".split()
 TYPES = {
     "bytes": lambda t: t.take(f"{t.take('H')}s"),
     "text": lambda t: t.take(f"{t.take('H')}s").decode(),
+    "file": lambda t: t.take(f"{t.take('I')}s"),
     "tools": lambda t: TOOLS + [(TYPES["text"](t), t.take("3B4dI"), t.take(f"{4 * t.take('B')}d"))[0]
                                 for _ in range(t.take("B") if t.at < t.end else 0)],
     "bodies": lambda t: [t.take(f"{4 * t.take('B')}d") for _ in TOOLS],
@@ -61,7 +65,7 @@ TYPES = {
 class Trace:
     def __init__(self, data):
         magic, self.version, size = struct.unpack_from("<8sHI", data)
-        magic == b"ARTHRTRC" and 2 <= self.version <= 5 or sys.exit("this is no trace of versions 2 to 5")
+        magic == b"ARTHRTRC" and 2 <= self.version <= 6 or sys.exit("this is no trace of versions 2 to 6")
         self.data, self.at, self.end, self.hash, self.whole = data, 14, 14 + size, bytes(32), False
         self.next = self.check(0, 14 + size) or sys.exit("the header is damaged")
         self.header = {"rules": 1, "parent": bytes(32), "adaptive": 0, "avatar": 0, "tilt_deg": 30, "field_deg": 90}
@@ -90,7 +94,7 @@ class Trace:
     def read(self, layout):
         fields = {}
         for row in LAYOUTS[layout].split():
-            name, form, first, last = (row.split(":") + ["2", "5"][row.count(":") - 1:])[:4]
+            name, form, first, last = (row.split(":") + ["2", "6"][row.count(":") - 1:])[:4]
             if int(first) <= self.version <= int(last):
                 fields[name] = TYPES[form](self) if form in TYPES else self.take(form)
         return fields

@@ -108,7 +108,7 @@ static void call_reader(struct summary *summary) {
     if (summary->is_being_read)
         return;
     summary->is_being_read =
-        task_pool_add(summary->all->reader, &(struct task){.run = read_case, .data = summary});
+        task_pool_add(summary->all->reader, &(struct pool_task){.run = read_case, .data = summary});
 }
 
 // ---- the grade ----------------------------------------------------------------------------------

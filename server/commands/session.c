@@ -25,6 +25,8 @@ static const char help[] =
     "       arthron-server session --socket PATH case STATION CASE [--strength S] [--json]\n"
     "       arthron-server session --socket PATH note STATION TEXT [--json]\n"
     "       arthron-server session --socket PATH assign STATION TRAINEE [--json]\n"
+    "       arthron-server session --socket PATH begin STATION TASK [--exam] [--left] [--json]\n"
+    "       arthron-server session --socket PATH leave STATION [--json]\n"
     "       arthron-server session --socket PATH copy STATION --from TRACE|ID [--at S] [--json]\n"
     "\n"
     "Commands a running server through its local socket. Run it as the server's user.\n"
@@ -40,6 +42,8 @@ static const char help[] =
     "  case    ends the session and opens one on another case of the server's config\n"
     "  note    shows a text to the trainee\n"
     "  assign  names the trainee of the next session; '': none\n"
+    "  begin   begins an attempt at a task; practice with the scope in the right hand\n"
+    "  leave   ends the attempt that runs\n"
     "  copy    ends the session and opens one that continues a recorded one: with its cuts, its\n"
     "          touch and its warp settings. The server's config must have its case\n"
     "\n"
@@ -47,6 +51,8 @@ static const char help[] =
     "      --from TRACE   the recorded session: its trace, or its id (32 hexadecimal digits)\n"
     "      --at S         continue it from S seconds after its start (default: from its end)\n"
     "      --strength S   the strength of the new session's warp, 0 to 1 (default: the config's)\n"
+    "      --exam         the attempt is of an exam\n"
+    "      --left         the left hand holds the scope\n"
     "      --json         print JSON\n"
     "      --help         show this\n";
 
@@ -67,6 +73,8 @@ static const struct command_kind {
     {"case", "case STATION CASE [--strength S]", arthron_Command_Kind_CASE, 2},
     {"note", "note STATION TEXT", arthron_Command_Kind_NOTE, 2},
     {"assign", "assign STATION TRAINEE", arthron_Command_Kind_ASSIGN, 2},
+    {"begin", "begin STATION TASK [--exam] [--left]", arthron_Command_Kind_BEGIN, 2},
+    {"leave", "leave STATION", arthron_Command_Kind_LEAVE, 1},
     {"copy", "copy STATION --from TRACE|ID [--at S]", arthron_Command_Kind_COPY, 1},
 };
 
@@ -335,6 +343,8 @@ static bool put_text(char *out, size_t size, const char *text) {
 
 // What the third word of the command is.
 static bool fill_last(const char *word, arthron_Command *out) {
+    if (out->kind == arthron_Command_Kind_BEGIN)
+        return put_text(out->task, sizeof out->task, word);
     if (out->kind == arthron_Command_Kind_ASSIGN)
         return put_text(out->trainee, sizeof out->trainee, word);
     out->has_remark = out->kind == arthron_Command_Kind_NOTE;
@@ -360,7 +370,9 @@ static int refuse_kind(const char *word) {
 static bool fits(const struct command_kind *kind, int count, const arthron_Command *command,
                  const char *from) {
     bool copies = kind->kind == arthron_Command_Kind_COPY;
-    return count == kind->arguments + 1 && copies == !!from && (copies || command->at_s == 0) &&
+    bool begins = kind->kind == arthron_Command_Kind_BEGIN;
+    return (begins || (!command->purpose && !command->hand)) && count == kind->arguments + 1 &&
+           copies == !!from && (copies || command->at_s == 0) &&
            (kind->kind == arthron_Command_Kind_CASE || !command->has_strength);
 }
 
@@ -430,6 +442,8 @@ int command_session(int argc, char **argv) {
         {"from", required_argument, NULL, 'f'},
         {"at", required_argument, NULL, 'a'},
         {"strength", required_argument, NULL, 'W'},
+        {"exam", no_argument, NULL, 'e'},
+        {"left", no_argument, NULL, 'l'},
         {"json", no_argument, NULL, 'j'},
         {"help", no_argument, NULL, 'h'},
         {0},
@@ -448,6 +462,10 @@ int command_session(int argc, char **argv) {
         socket = o == 'S' ? optarg : socket;
         from = o == 'f' ? optarg : from;
         json |= o == 'j';
+        if (o == 'e')
+            command.purpose = arthron_AttemptState_Purpose_EXAM;
+        if (o == 'l')
+            command.hand = arthron_AttemptState_Hand_LEFT_HAND;
         code = take_value(o, &command);
     }
     return code ? code : run(socket, from, argv + optind, argc - optind, &command, json);

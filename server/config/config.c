@@ -197,6 +197,7 @@ static const struct setting_key server_keys[] = {
     {"traces", SETTING_PATH, SESSIONS(traces_dir)},
     {"socket", SETTING_PATH, SESSIONS(socket)},
     {"records", SETTING_PATH, SESSIONS(records)},
+    {"tasks", SETTING_PATH, SESSIONS(tasks_dir)},
     {"unfit", .take = take_unfit, .wanted = "refuse or serve"},
     {"case_memory_mb", SETTING_INTEGER, SESSIONS(case_memory_mb), 64, 65536},
     {"wait_s", SETTING_INTEGER, SESSIONS(wait_s), 1, 86400},
@@ -302,6 +303,18 @@ static enum result complete(const struct sessions_config *c, struct error *err) 
     return RESULT_OK;
 }
 
+// The tasks lie beside the cases.
+static enum result complete_tasks(struct sessions_config *c, struct error *err) {
+    char parent[SESSIONS_PATH_MAX];
+    if (c->tasks_dir[0] || !c->case_count)
+        return RESULT_OK;
+    settings_folder(c->cases[0].dir, parent, sizeof parent);
+    if (snprintf(c->tasks_dir, sizeof c->tasks_dir, "%.*s/tasks", (int)sizeof parent - 1, parent) <
+        (int)sizeof c->tasks_dir)
+        return RESULT_OK;
+    return fail(err, RESULT_LIMIT, "[server] tasks: the path is too long");
+}
+
 // Browsers are served where stations are, with the server's own certificate, unless they are told
 // otherwise.
 static enum result complete_web(const struct sessions_config *c, struct web_settings *w,
@@ -343,6 +356,8 @@ enum result config_load(const char *path, const struct setting_override *overrid
     if (result != RESULT_OK)
         return result;
     result = complete(&out_config->sessions, err);
+    if (result == RESULT_OK)
+        result = complete_tasks(&out_config->sessions, err);
     if (result == RESULT_OK)
         result = complete_web(&out_config->sessions, &out_config->web, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);

@@ -4,7 +4,7 @@
 #include <stdbool.h>
 
 // Instructors see and command everything. Technicians see all stations, and may send the commands
-// list and show. Trainees see their own sessions.
+// list and show. Trainees see their own sessions, and may begin and leave practice in them.
 struct live_account {
     char name[64];
     char role[16]; // "instructor", "technician", "trainee"

@@ -55,8 +55,10 @@ bool command_runner_add(struct live_server *live, const struct viewer *viewer,
     c->number = viewer->number;
     c->refusal = refusal;
     c->command = *command;
+    if (is_trainee(&viewer->account))
+        snprintf(c->command.trainee, sizeof c->command.trainee, "%s", viewer->account.trainee);
     snprintf(c->actor, sizeof c->actor, "%s", viewer->account.name);
-    struct task task = {
+    struct pool_task task = {
         .key = (uint64_t)(viewer - live->viewers) + 1, .run = run, .finish = finish, .data = c};
     bool added = task_pool_add(live->commands, &task);
     if (!added)

@@ -2,6 +2,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "live/viewer.h"
+#include "runtime/attempt_state.h"
 #include "runtime/reply.h"
 
 #include <stdio.h>
@@ -45,6 +46,28 @@ static bool put_place(const struct station_cache *cache, struct sent_state *sent
     return true;
 }
 
+// Behind the session that it belongs to. False where the batch is full.
+static bool put_attempt(struct live_server *live, const struct viewer *viewer, int station,
+                        struct sent_state *sent, struct live_batch *batch) {
+    const struct station_cache *cache = &live->cache[station];
+    const struct live_attempt *attempt = &cache->attempt;
+    if (attempt->session != cache->about.serial || !attempt->session ||
+        (sent->attempt_of == attempt->session && sent->attempt == attempt->news))
+        return true;
+    if (attempt->state.number) {
+        live->item = (arthron_Live){.which_message = arthron_Live_attempt_tag};
+        live->item.message.attempt = attempt->state;
+        live->item.message.attempt.station_number = (uint32_t)station;
+        if (!is_staff(viewer))
+            attempt_state_withhold(&live->item.message.attempt);
+        if (!batch_say(batch, &live->item))
+            return false;
+    }
+    sent->attempt_of = attempt->session;
+    sent->attempt = attempt->news;
+    return true;
+}
+
 // ---- the wall -----------------------------------------------------------------------------------
 
 int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now_ns,
@@ -58,6 +81,7 @@ int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now
         cache_refresh(live, station, now_ns, viewer->period_ns / 2);
         cache_place(live, station, now_ns);
         if (!put_place(&live->cache[station], sent, batch) ||
+            !put_attempt(live, viewer, station, sent, batch) ||
             !put_moment(&live->cache[station], sent, batch)) {
             viewer->turn = station;
             return now_ns;
@@ -318,6 +342,7 @@ static void put_what_moves(struct live_server *live, struct viewer *viewer, int6
     put_remarks(live, viewer, batch);
     put_markers(live, viewer, batch);
     put_resections(live, viewer, batch);
+    put_attempt(live, viewer, viewer->station, sent, batch);
     put_moment(cache, sent, batch);
     put_metrics(live, viewer, now_ns, batch);
 }

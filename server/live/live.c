@@ -177,13 +177,21 @@ static void take_watch(struct live_server *live, struct viewer *viewer,
         viewer->watch.what = arthron_Watch_What_NOTHING;
 }
 
+// Who trains may practise: the sessions see to it that it is an own session.
+static bool practises(const struct viewer *viewer, const arthron_Command *command) {
+    return viewer->role == ROLE_TRAINEE && viewer->account.trainee[0] &&
+           (command->kind == arthron_Command_Kind_BEGIN ||
+            command->kind == arthron_Command_Kind_LEAVE);
+}
+
 // A path is for those who may use the server's socket: who asks on a page has no files here.
-static const char *refusal_of(enum store_role role, const arthron_Command *command) {
+static const char *refusal_of(const struct viewer *viewer, const arthron_Command *command) {
+    enum store_role role = viewer->role;
     arthron_Command_Kind kind = command->kind;
     bool looks = kind == arthron_Command_Kind_LIST || kind == arthron_Command_Kind_SHOW;
     if (role == ROLE_INSTRUCTOR && kind == arthron_Command_Kind_COPY && !trace_is_id(command->from))
         return "a session is copied by its id";
-    if (role == ROLE_INSTRUCTOR || (role == ROLE_TECHNICIAN && looks))
+    if (role == ROLE_INSTRUCTOR || (role == ROLE_TECHNICIAN && looks) || practises(viewer, command))
         return NULL;
     return looks ? "that is for instructors and technicians" : "that is for instructors";
 }
@@ -193,7 +201,7 @@ static const char *refusal_of(enum store_role role, const arthron_Command *comma
 static void take_command(struct live_server *live, struct viewer *viewer,
                          const arthron_Command *command) {
     if (viewer->asked < ASKED_MAX && !viewer->refused &&
-        command_runner_add(live, viewer, command, refusal_of(viewer->role, command)))
+        command_runner_add(live, viewer, command, refusal_of(viewer, command)))
         viewer->asked++;
     else
         viewer->refused++;

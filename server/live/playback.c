@@ -239,6 +239,6 @@ void playback_start(struct playback *p) {
     if (atomic_load(&live->playbacks_called) == PLAYBACK_THREADS)
         return;
     atomic_fetch_add(&live->playbacks_called, 1);
-    bool taken = task_pool_add(live->playbacks, &(struct task){.run = run, .data = live});
+    bool taken = task_pool_add(live->playbacks, &(struct pool_task){.run = run, .data = live});
     CHECK(taken);
 }

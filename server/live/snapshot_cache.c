@@ -20,6 +20,7 @@ static void take(struct live_server *live, int station, int64_t now_ns) {
     struct station_status status;
     sessions_status(live->sessions, station, &status);
     runtime_snapshot(sessions_runtime(live->sessions), station, &s->moment);
+    runtime_shown_attempt(sessions_runtime(live->sessions), station, &s->attempt);
     s->about = status.about;
     s->connected = status.connected;
     s->state = status.state;

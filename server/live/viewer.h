@@ -59,6 +59,8 @@ struct station_cache {
     size_t item_size;
     uint8_t item[MOMENT_ITEM_MAX];
 
+    struct live_attempt attempt;
+
     uint32_t place_number; // counts up with each place made
     int place_state;
     bool place_connected;
@@ -95,6 +97,8 @@ struct viewer {
     struct sent_state {
         uint64_t session, step;
         uint32_t place;
+        uint64_t attempt_of; // session
+        uint32_t attempt;    // of its news, the last that the page has
     } sent[STATIONS_MAX];
 
     // One station:

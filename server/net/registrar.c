@@ -79,7 +79,7 @@ bool registrar_apply(struct registrar *r, struct peer *applicant, const struct i
     if (a)
         CHECK(task_pool_add(
             r->tasks,
-            &(struct task){.run = run_application, .finish = finish_application, .data = a}));
+            &(struct pool_task){.run = run_application, .finish = finish_application, .data = a}));
     return a != NULL;
 }
 
@@ -227,7 +227,7 @@ void registrar_used(struct registrar *r, const struct identity *identity) {
     pthread_mutex_unlock(&r->lock);
     if (used)
         CHECK(task_pool_add(
-            r->tasks, &(struct task){.run = revoke_older, .finish = forget_used, .data = used}));
+            r->tasks, &(struct pool_task){.run = revoke_older, .finish = forget_used, .data = used}));
     else
         log_warning("control",
                     "station %s: older certificates of it stay good until it connects again",
@@ -306,7 +306,7 @@ struct registrar *registrar_create(const char *authority_dir, struct tls_files *
     for (int i = 0; i < REGISTRAR_APPLICANTS_MAX; i++)
         r->applications[i].registrar = r;
     r->tasks = task_pool_create(&(struct task_pool_settings){.threads = 1, .tasks_max = TASKS_MAX});
-    CHECK(task_pool_add(r->tasks, &(struct task){.run = look_at_files, .data = r}));
+    CHECK(task_pool_add(r->tasks, &(struct pool_task){.run = look_at_files, .data = r}));
     return r;
 }
 

@@ -105,6 +105,26 @@ static bool on_remark(void *user, const struct remark *remark) {
     return true;
 }
 
+static bool on_begun(void *user, const struct trace_attempt *begun) {
+    struct survey *s = user;
+    if (s->attempt_count < SURVEY_ATTEMPTS_MAX) {
+        s->attempts[s->attempt_count] = (struct survey_attempt){.begun = *begun};
+        s->attempts[s->attempt_count].begun.text = NULL;
+    }
+    s->attempt_count++;
+    return true;
+}
+
+// Of one whose begin is lost nothing is told.
+static bool on_ended(void *user, const struct trace_outcome *ended) {
+    struct survey *s = user;
+    uint64_t last = s->attempt_count - 1;
+    if (s->attempt_count && last < SURVEY_ATTEMPTS_MAX &&
+        s->attempts[last].begun.number == ended->number)
+        s->attempts[last].ended = *ended;
+    return true;
+}
+
 static bool on_marker(void *user, const struct marker *marker) {
     struct survey *s = user;
     if (s->marker_count < SURVEY_MARKERS_MAX)
@@ -122,6 +142,8 @@ void survey_read(struct trace_reader *reader, survey_progress progress, struct s
                                   .fault = on_fault,
                                   .remark = on_remark,
                                   .marker = on_marker,
+                                  .begun = on_begun,
+                                  .ended = on_ended,
                                   .progress = progress};
     memset(s, 0, sizeof *s);
     s->file_bytes = trace_reader_size(reader);

@@ -4,6 +4,7 @@
 #include "trace/trace.h"
 
 #define SURVEY_MARKERS_MAX 1024
+#define SURVEY_ATTEMPTS_MAX 256
 
 struct survey {
     uint64_t steps, gaps, missing; // step records, gap records, the steps those stand for
@@ -31,7 +32,12 @@ struct survey {
     struct remark remarks[REMARKS_MAX]; // by number - 1, as they were in the end; number 0: none
     uint64_t marker_count;              // of devices
     struct marker markers[SURVEY_MARKERS_MAX]; // the first of them, as they came
-    uint64_t whole_bytes;                      // up to the end of the last whole record
+    uint64_t attempt_count;
+    struct survey_attempt {
+        struct trace_attempt begun;  // without its text
+        struct trace_outcome ended;  // number 0: the trace has no end of it
+    } attempts[SURVEY_ATTEMPTS_MAX]; // the first of them
+    uint64_t whole_bytes;            // up to the end of the last whole record
     uint64_t file_bytes;
     enum result end;  // RESULT_CLOSED: the file is whole
     struct error why; // where it is not

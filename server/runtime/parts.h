@@ -68,6 +68,8 @@ struct station_runtime {
     struct step_snapshot snapshot;
     struct newest *metrics; // of struct live_metrics, from the worker
     struct live_metrics last_metrics;
+    struct newest *attempts; // of struct live_attempt, from the worker
+    struct live_attempt last_attempt;
 
     pthread_mutex_t tissues_lock; // for copies only; the worker takes no part
     struct tissue_report tissues; // from the cut worker
@@ -84,6 +86,7 @@ struct station_runtime {
     struct late_frames late;
     struct clock_bridge bridge;
     struct marking marking;
+    struct live_attempt attempt_shown;
     struct fair_share share;
     int64_t slowed_told_ns[SLOWED_COUNT]; // when it was told; 0: never
     arthron_Reply reply;                  // to the newest frame
@@ -102,16 +105,17 @@ struct station_runtime {
     struct drift drift[INSTRUMENT_COUNT];
 };
 
-enum request_kind { REQUEST_ATTACH, REQUEST_INPUT, REQUEST_REMARK };
+enum request_kind { REQUEST_ATTACH, REQUEST_INPUT, REQUEST_REMARK, REQUEST_ATTEMPT, REQUEST_LEAVE };
 
 // From the owner of the sessions to a worker.
 struct worker_request {
     enum request_kind kind;
     int station;
-    uint64_t ticket; // REQUEST_INPUT, REQUEST_REMARK
+    uint64_t ticket; // all but REQUEST_ATTACH
     union {
         struct session_runtime *session; // REQUEST_ATTACH
         enum input_kind input;           // REQUEST_INPUT
+        struct session_attempt *attempt; // REQUEST_ATTEMPT
         struct {                         // REQUEST_REMARK
             uint64_t of_session;
             struct remark remark;

@@ -23,6 +23,7 @@ static void open_station(struct runtime *r, int index) {
     station->marked = ring_create(RUNTIME_MARKERS_MAX, sizeof(struct session_marker));
     station->snapshots = newest_create(sizeof(struct step_snapshot));
     station->metrics = newest_create(sizeof(struct live_metrics));
+    station->attempts = newest_create(sizeof(struct live_attempt));
     pthread_mutex_init(&station->shown_lock, NULL);
     pthread_mutex_init(&station->tissues_lock, NULL);
 }
@@ -34,6 +35,7 @@ static void close_station(struct station_runtime *station) {
     ring_destroy(&station->marked);
     newest_destroy(&station->snapshots);
     newest_destroy(&station->metrics);
+    newest_destroy(&station->attempts);
     pthread_mutex_destroy(&station->shown_lock);
     pthread_mutex_destroy(&station->tissues_lock);
 }
@@ -190,6 +192,18 @@ bool runtime_remark(struct runtime *r, int station, uint64_t session, const stru
     return request(r, &wanted);
 }
 
+bool runtime_attempt(struct runtime *r, int station, struct session_attempt *attempt,
+                     uint64_t ticket) {
+    struct worker_request wanted = {
+        .kind = REQUEST_ATTEMPT, .station = station, .ticket = ticket, .attempt = attempt};
+    return request(r, &wanted);
+}
+
+bool runtime_leave_attempt(struct runtime *r, int station, uint64_t ticket) {
+    return request(
+        r, &(struct worker_request){.kind = REQUEST_LEAVE, .station = station, .ticket = ticket});
+}
+
 bool runtime_mesh_request(struct runtime *r, const struct mesh_request *wanted) {
     return cut_worker_mesh_request(station_worker(r, wanted->station)->cut_worker, wanted);
 }
@@ -225,6 +239,14 @@ void runtime_metrics(struct runtime *r, int station, struct live_metrics *out_me
     pthread_mutex_lock(&s->shown_lock);
     newest_take(s->metrics, &s->last_metrics);
     *out_metrics = s->last_metrics;
+    pthread_mutex_unlock(&s->shown_lock);
+}
+
+void runtime_shown_attempt(struct runtime *r, int station, struct live_attempt *out_attempt) {
+    struct station_runtime *s = &r->stations[station];
+    pthread_mutex_lock(&s->shown_lock);
+    newest_take(s->attempts, &s->last_attempt);
+    *out_attempt = s->last_attempt;
     pthread_mutex_unlock(&s->shown_lock);
 }
 

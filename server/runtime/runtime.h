@@ -54,6 +54,12 @@ bool runtime_input(struct runtime *runtime, int station, enum input_kind kind, u
 // session: serial of the session.
 bool runtime_remark(struct runtime *runtime, int station, uint64_t session,
                     const struct remark *remark, uint64_t ticket);
+// NOTICE_TAKEN with the ticket answers these two, too. The attempt is the worker's from here on,
+// unless the worker has too much to do (false). One that was not taken comes back as
+// NOTICE_ATTEMPT.
+bool runtime_attempt(struct runtime *runtime, int station, struct session_attempt *attempt,
+                     uint64_t ticket);
+bool runtime_leave_attempt(struct runtime *runtime, int station, uint64_t ticket);
 // Subscribes a page, or passes its message on. On success it takes over the request's mailbox.
 bool runtime_mesh_request(struct runtime *runtime, const struct mesh_request *request);
 
@@ -68,6 +74,7 @@ bool runtime_next_marker(struct runtime *runtime, int station, struct session_ma
 // The last step of the station's last session; step 0: there was none yet.
 void runtime_snapshot(struct runtime *runtime, int station, struct step_snapshot *out_snapshot);
 void runtime_metrics(struct runtime *runtime, int station, struct live_metrics *out_metrics);
+void runtime_shown_attempt(struct runtime *runtime, int station, struct live_attempt *out_attempt);
 void runtime_tissues(struct runtime *runtime, int station, struct tissue_report *out_report);
 const struct station_counts *runtime_counts(const struct runtime *runtime, int station);
 // The station does this too often, and it was held back.

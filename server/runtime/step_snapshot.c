@@ -147,6 +147,8 @@ void snapshot_to_wire(const struct step_snapshot *m, uint32_t station, arthron_M
         .joint = wire_joint_from(&m->joint),
         .bodies_count = BODY_COUNT,
         .events_count = EVENT_COUNT,
+        .attempt = m->attempt,
+        .attempt_ns = m->attempt_ns,
     };
     for (int i = 0; i < BODY_COUNT; i++)
         out->bodies[i] = body_to_wire(m, i);

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "runtime/attempts.h"
 #include "runtime/cut_worker.h"
 #include "runtime/frames.h"
 #include "runtime/markers.h"
@@ -45,6 +46,10 @@ static void publish_snapshot(struct station_runtime *station, const struct sessi
     struct snapshot_maker *maker = &station->session->snapshots;
     snapshot_step(maker, output);
     snapshot_forces(maker, &station->session->metrics.metrics);
+    const struct session_attempt *attempt = station->session->attempt;
+    maker->now.attempt = station->attempt_shown.state.number;
+    maker->now.attempt_ns =
+        attempt ? attempt->attempt.running_ns : station->attempt_shown.state.time_ns;
     newest_put(station->snapshots, &maker->now);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         warp_mm = fmax(warp_mm, maker->now.instruments[i].warp_mm);
@@ -109,6 +114,7 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
     struct trace_status recorded = trace_writer_status(station->session->trace);
     atomic_store_explicit(&station->counts.steps, recorded.records, memory_order_relaxed);
     fair_share_record(&station->share, recorded.bytes);
+    attempts_step(worker, station, input, output);
     publish_metrics(station, input, output);
     publish_snapshot(station, output);
     count_events(station, output->events);
@@ -240,6 +246,7 @@ void step_begin(struct worker *worker, struct station_runtime *station,
     memset(station->slowed_told_ns, 0, sizeof station->slowed_told_ns);
     station->events = 0;
     markers_begin(station);
+    attempts_begin(worker, station);
     station->last_step_ns = session->last_ns;
     newest_put(station->metrics, &session->metrics);
     station->metrics_ns = session->last_ns;

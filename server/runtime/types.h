@@ -6,6 +6,8 @@
 #include "runtime/devices.h"
 #include "runtime/slowed.h"
 #include "runtime/step_snapshot.h"
+#include "task/attempt.h"
+#include "task/shared_site.h"
 #include "trace/trace.h"
 
 #include <stdatomic.h>
@@ -43,6 +45,30 @@ struct live_metrics {
     struct metrics metrics;
 };
 
+// An attempt at a task. The owner of the sessions makes it, for one session. From the request on it
+// belongs to the session's worker, until NOTICE_ATTEMPT gives it back, or NOTICE_ENDED with the
+// session.
+struct session_attempt {
+    uint64_t session; // serial
+    enum attempt_purpose purpose;
+    enum attempt_hand hand;
+    int mark_version; // of the pass mark; 0: the task's own
+    double pass_time_s;
+    int pass_errors;
+    struct shared_site *site;
+    // The worker's:
+    uint32_t number;  // in the session, from 1; 0: it was not begun
+    int64_t begun_ns; // since the session's start
+    struct attempt attempt;
+};
+
+// The last attempt of a session, as it was last told.
+struct live_attempt {
+    uint64_t session;           // serial; 0: there was no session yet
+    uint32_t news;              // counts up with each
+    arthron_AttemptState state; // number 0: the session has none yet
+};
+
 // A session with its trace. The owner of the sessions fills it in, and releases it after
 // NOTICE_ENDED. In between, session and trace belong to one worker, and the operation to that
 // worker's cut worker.
@@ -59,7 +85,9 @@ struct session_runtime {
     enum session_state state;
     int64_t last_ns, ahead_ns;
     struct job_result *pending;
-    struct marker marked; // too: the last marker of its trace; number 0: none
+    struct marker marked;            // too: the last marker of its trace; number 0: none
+    uint32_t attempts;               // that its trace has
+    struct session_attempt *attempt; // NULL: none runs
 };
 
 struct session_marker {
@@ -111,11 +139,12 @@ enum session_end {
 };
 
 enum notice_kind {
-    NOTICE_STATE,  // a session's state changed
-    NOTICE_TAKEN,  // a request was taken
-    NOTICE_UNDONE, // a job of an undo has landed, or a reset has made the undo void
-    NOTICE_OPENED, // runtime_tissues reports on the session
-    NOTICE_ENDED   // the session belongs to its owner again
+    NOTICE_STATE,   // a session's state changed
+    NOTICE_TAKEN,   // a request was taken
+    NOTICE_UNDONE,  // a job of an undo has landed, or a reset has made the undo void
+    NOTICE_ATTEMPT, // an attempt has ended, or was not begun: it belongs to its owner again
+    NOTICE_OPENED,  // runtime_tissues reports on the session
+    NOTICE_ENDED    // the session belongs to its owner again
 };
 
 // From the runtime to the owner of its sessions.
@@ -132,6 +161,7 @@ struct runtime_notice {
         double volume_mm3;
         bool more; // another job of the same undo follows
     } undone;
-    struct session_runtime *ended; // NOTICE_ENDED
-    enum session_end end;          // NOTICE_ENDED
+    struct session_attempt *attempt; // NOTICE_ATTEMPT
+    struct session_runtime *ended;   // NOTICE_ENDED
+    enum session_end end;            // NOTICE_ENDED
 };

@@ -3,6 +3,7 @@
 #include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
+#include "runtime/attempts.h"
 #include "runtime/cut_worker.h"
 #include "runtime/frames.h"
 #include "runtime/markers.h"
@@ -70,8 +71,10 @@ static void take_connection(struct worker *worker, struct station_runtime *stati
         forget_keys(worker, station);
     if (now->connected && now->confirms != before.confirms)
         datagram_confirm(worker->endpoint, station->udp_connection, now->challenge);
-    if (now->connected && now->clock_known && (is_new || !before.clock_known))
+    if (now->connected && now->clock_known && (is_new || !before.clock_known)) {
         step_announce(worker, station);
+        attempts_announce(worker, station);
+    }
 }
 
 // ---- requests -----------------------------------------------------------------------------------
@@ -111,6 +114,21 @@ static bool take_remark(struct station_runtime *station, const struct worker_req
            trace_append_remark(station->session->trace, &request->remark);
 }
 
+// What is answered by NOTICE_TAKEN.
+static bool do_request(struct worker *worker, struct station_runtime *station,
+                       const struct worker_request *request) {
+    switch (request->kind) {
+    case REQUEST_INPUT:
+        return take_input(worker, station, request);
+    case REQUEST_REMARK:
+        return take_remark(station, request);
+    case REQUEST_ATTEMPT:
+        return attempts_take(worker, station, request->attempt);
+    default:
+        return attempts_leave(worker, station);
+    }
+}
+
 static void take_request(struct worker *worker, const struct worker_request *request) {
     struct station_runtime *station = &worker->runtime->stations[request->station];
     struct runtime_notice notice = {
@@ -121,8 +139,7 @@ static void take_request(struct worker *worker, const struct worker_request *req
     }
     if (put_off_end(worker, station, request))
         return;
-    notice.done = request->kind == REQUEST_INPUT ? take_input(worker, station, request)
-                                                 : take_remark(station, request);
+    notice.done = do_request(worker, station, request);
     worker_notify(worker, &notice);
 }
 

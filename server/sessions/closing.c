@@ -146,7 +146,7 @@ static int64_t close_all(void *sessions) {
 void closing_start(struct sessions *s) {
     struct task_pool_settings settings = {.threads = 1, .tasks_max = 1, .nice = NICE};
     s->closing = task_pool_create(&settings);
-    task_pool_add(s->closing, &(struct task){.run = close_all, .data = s});
+    task_pool_add(s->closing, &(struct pool_task){.run = close_all, .data = s});
 }
 
 void closing_stop(struct sessions *s) {

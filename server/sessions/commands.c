@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "runtime/reply.h"
+#include "sessions/attempts.h"
 #include "sessions/audit.h"
 #include "sessions/course.h"
 #include "sessions/fork.h"
@@ -143,6 +144,10 @@ static void command_session(struct sessions *s, const char *actor, const arthron
         ask_for_undo(s, station, reply);
     else if (command->kind == arthron_Command_Kind_NOTE)
         remark_command(s, station, actor, &command->remark, reply);
+    else if (command->kind == arthron_Command_Kind_BEGIN)
+        attempts_begin_command(s, station, command, reply);
+    else if (command->kind == arthron_Command_Kind_LEAVE)
+        attempts_leave_command(s, station, command, reply);
     else
         course_input(s, station, INPUT_RESET, SESSION_RUNNING, reply);
 }
@@ -168,8 +173,8 @@ static void command_station(struct sessions *s, const char *actor, const arthron
 
 static const char *command_name(arthron_Command_Kind kind) {
     static const char *const names[_arthron_Command_Kind_ARRAYSIZE] = {
-        "list", "start", "pause", "stop", "case",  "reset",
-        "show", "undo",  "copy",  "note", "assign"};
+        "list", "start", "pause", "stop",   "case",  "reset", "show",
+        "undo", "copy",  "note",  "assign", "begin", "leave"};
     return names[kind];
 }
 

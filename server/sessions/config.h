@@ -33,12 +33,13 @@ struct sessions_config {
     char authority_key_dir[SESSIONS_PATH_MAX];    // of authority.key; empty: keys_dir
     char authority_passphrase[SESSIONS_PATH_MAX]; // the file with its passphrase, or empty
     char traces_dir[SESSIONS_PATH_MAX];
-    char socket[SESSIONS_PATH_MAX];  // local socket of the console
-    char records[SESSIONS_PATH_MAX]; // the database of sessions (store); empty: none
-    bool serve_unfit;                // open sessions on cases that a check found unfit, too
-    int case_memory_mb;              // that reading one case may take
-    case_checker check_case;         // before a case is read here; or NULL
-    int wait_s;                      // how long a session waits for its station
+    char socket[SESSIONS_PATH_MAX];    // local socket of the console
+    char records[SESSIONS_PATH_MAX];   // the database of sessions (store); empty: none
+    char tasks_dir[SESSIONS_PATH_MAX]; // with the tasks' files; a folder that is not there has none
+    bool serve_unfit;                  // open sessions on cases that a check found unfit, too
+    int case_memory_mb;                // that reading one case may take
+    case_checker check_case;           // before a case is read here; or NULL
+    int wait_s;                        // how long a session waits for its station
     // The server warns above these: age and residuals of a station's calibration, and drift.
     int calibration_days;
     double calibration_mm, calibration_deg;

@@ -6,6 +6,7 @@
 #include "base/task_pool.h"
 #include "runtime/drift.h"
 #include "runtime/fair_share.h"
+#include "sessions/attempts.h"
 #include "sessions/opening.h"
 
 #include <errno.h>
@@ -44,14 +45,17 @@ void manager_notify(void *user) {
 struct station_task {
     struct sessions *sessions;
     int station;
-    struct session_runtime *ended; // NULL: a session is opened
+    struct session_runtime *ended; // NULL: a session is opened, or an attempt has ended
     enum session_end end;
+    struct session_attempt *attempt; // or NULL
 };
 
 static int64_t run_task(void *data) {
     struct station_task *task = data;
     struct error err;
-    if (task->ended)
+    if (task->attempt)
+        attempts_release(task->sessions, task->station, task->attempt);
+    else if (task->ended)
         opening_release(task->sessions, task->station, task->ended, task->end);
     else
         opening_run(task->sessions, task->station, &err);
@@ -60,7 +64,7 @@ static int64_t run_task(void *data) {
 
 static void finish_task(void *data, bool done) {
     struct station_task *task = data;
-    if (!done && task->ended)
+    if (!done && (task->ended || task->attempt))
         run_task(data);
     else if (!done) // the server ends, or has too much to do
         station_slot_failed(&task->sessions->slots[task->station], clock_now_ns() + RETRY_NS);
@@ -72,7 +76,7 @@ static void finish_task(void *data, bool done) {
 static void give_task(struct sessions *s, struct station_task what) {
     struct station_task *data = alloc(1, sizeof *data);
     *data = what;
-    struct task task = {
+    struct pool_task task = {
         .key = (uint64_t)what.station + 1, .run = run_task, .finish = finish_task, .data = data};
     if (!task_pool_add(s->manager->pool, &task))
         finish_task(data, false);
@@ -126,8 +130,15 @@ static void take_notice(struct sessions *s, const struct runtime_notice *notice)
     case NOTICE_OPENED:
         station_slot_set_tissues(slot, notice->session);
         break;
+    case NOTICE_ATTEMPT:
+        give_task(s, (struct station_task){
+                         .sessions = s, .station = notice->station, .attempt = notice->attempt});
+        break;
     case NOTICE_ENDED:
-        give_task(s, (struct station_task){s, notice->station, notice->ended, notice->end});
+        give_task(s, (struct station_task){.sessions = s,
+                                           .station = notice->station,
+                                           .ended = notice->ended,
+                                           .end = notice->end});
         break;
     }
 }

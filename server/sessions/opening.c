@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "sessions/attempts.h"
 #include "sessions/audit.h"
 #include "sessions/own.h"
 #include "sessions/resources.h"
@@ -201,5 +202,6 @@ void opening_release(struct sessions *s, int station, struct session_runtime *en
     }
     session_destroy(&ended->session);
     operation_destroy(&ended->operation);
+    attempts_free(&ended->attempt);
     free(session);
 }

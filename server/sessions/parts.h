@@ -8,6 +8,7 @@
 #include "runtime/runtime.h"
 #include "sessions/grades.h"
 #include "sessions/station_slot.h"
+#include "task/library.h"
 
 #include <stdatomic.h>
 
@@ -21,6 +22,8 @@ struct sessions {
     atomic_bool ending;           // sessions_break_off was called
     struct scene *scenes[SESSIONS_CASES_MAX];
     struct grades *grades;
+    struct task_library *tasks;
+    struct site_pool *sites;
     struct station_slot slots[STATIONS_MAX];
     int station_of[CONTROL_PEERS_MAX]; // a peer's last; the control thread's
     struct runtime *runtime;

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "sessions/attempts.h"
 #include "trace/player.h"
 #include "trace/rerun.h"
 
@@ -35,6 +36,9 @@ static enum result take_step(struct restored *a, const char *path, struct rerun 
     if (record->type == TRACE_STEP)
         metrics_step(&a->metrics, &record->input, &output);
     snapshot_step(&a->snapshots, &output);
+    if (a->attempt)
+        attempt_take(&a->attempt->attempt, shared_site_site(a->attempt->site), record->input.kind,
+                     &output);
     a->state = output.state;
     return RESULT_OK;
 }
@@ -43,6 +47,14 @@ static enum result take_step(struct restored *a, const char *path, struct rerun 
 static void take_marker(struct restored *a, const struct marker *marker) {
     marker_list_put(&a->markers, marker);
     a->marked = *marker;
+}
+
+// A copy begins without: an attempt belongs to the session in which it began.
+static enum result take_begun(const struct sessions *s, struct restored *a,
+                              const struct trace_attempt *begun, struct error *err) {
+    a->attempts = begun->number;
+    attempts_free(&a->attempt); // its end was lost, and the reader would have said so
+    return attempts_restore(s, a->scene, &a->header, begun, a->place.time_ns, &a->attempt, err);
 }
 
 struct resume_run {
@@ -74,6 +86,10 @@ static bool on_record(void *user, const struct trace_record *record) {
         remarks_put(&a->remarks, &record->remark);
     else if (record->type == TRACE_MARKER)
         take_marker(a, &record->marker);
+    else if (record->type == TRACE_BEGUN && !r->at_s)
+        r->result = take_begun(r->sessions, a, &record->begun, r->err);
+    else if (record->type == TRACE_ENDED)
+        attempts_free(&a->attempt);
     if (r->result != RESULT_OK || r->reached)
         return false;
     a->place = trace_reader_place(r->reader);
@@ -110,6 +126,9 @@ static void make_session(const struct sessions *s, struct restored *a, struct re
     runtime->state = a->state;
     runtime->last_ns = a->place.time_ns;
     runtime->marked = a->marked;
+    runtime->attempts = a->attempts;
+    runtime->attempt = a->attempt;
+    a->attempt = NULL;
     rerun_release(rerun, &runtime->session, &runtime->operation, &runtime->pending);
     a->session = session;
 }
@@ -166,8 +185,10 @@ enum result restore_run(const struct sessions *s, const char *path, const double
 void restore_fini(struct restored *a) {
     remarks_fini(&a->remarks);
     marker_list_fini(&a->markers);
+    attempts_free(&a->attempt);
     if (!a->session)
         return;
+    attempts_free(&a->session->runtime.attempt);
     session_destroy(&a->session->runtime.session);
     operation_destroy(&a->session->runtime.operation);
     job_result_destroy(&a->session->runtime.pending);

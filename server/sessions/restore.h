@@ -11,9 +11,11 @@ struct restored {
     int scene;              // index of its case in the config; -1: not a case of this server
     struct metrics metrics; // of the steps recorded in this trace
     struct snapshot_maker snapshots;
-    struct remarks remarks;     // of this trace
-    struct marker_list markers; // too
-    struct marker marked;       // the last of them; number 0: none
+    struct remarks remarks;          // of this trace
+    struct marker_list markers;      // too
+    struct marker marked;            // the last of them; number 0: none
+    uint32_t attempts;               // how many began
+    struct session_attempt *attempt; // whose end it does not have; NULL: none
     // Still without serial, trace and row, and on its old clock. NULL: it cannot go on.
     struct open_session *session;
 };
@@ -28,5 +30,5 @@ struct restored {
 enum result restore_run(const struct sessions *sessions, const char *path, const double *at_s,
                         struct restored *out, struct error *err);
 
-// Releases the session, unless the caller took it and set `session` to NULL.
+// Releases the session and its attempt, unless the caller took it and set `session` to NULL.
 void restore_fini(struct restored *restored);

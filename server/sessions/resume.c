@@ -199,7 +199,7 @@ enum result resume_replay(struct sessions *s, struct error *err) {
         if (result == RESULT_OK)
             result = find_trace(r, err);
         if (result == RESULT_OK && r->path[0])
-            task_pool_add(pool, &(struct task){.run = resume_one, .data = r});
+            task_pool_add(pool, &(struct pool_task){.run = resume_one, .data = r});
     }
     task_pool_drain(pool);
     task_pool_destroy(&pool);
@@ -224,6 +224,8 @@ static void attach(struct resumed *r) {
     opening_about(s, &r->restored.header, r->restored.scene, r->path, &about);
     runtime->serial = about.serial;
     runtime->snapshots.now.session = runtime->metrics.session = about.serial;
+    if (runtime->attempt)
+        runtime->attempt->session = about.serial;
     session_row_begin(&r->restored.header, r->path, &r->restored.session->row);
     recorder_put(s->recorder, &r->restored.session->row);
     r->restored.session = NULL;

@@ -192,6 +192,8 @@ static void begin(struct sessions *s) {
 }
 
 static enum result prepare(struct sessions *s, struct error *err) {
+    s->tasks = library_read(s->config.tasks_dir);
+    s->sites = site_pool_create();
     enum result result = make_traces_dir(s, err);
     if (result == RESULT_OK)
         result = claim_create(s->config.records, s->config.traces_dir, &s->claim, err);
@@ -243,6 +245,8 @@ static void release(struct sessions *s) {
     resume_release(s);
     runtime_destroy(&s->runtime);
     grades_destroy(&s->grades);
+    library_destroy(&s->tasks);
+    site_pool_destroy(&s->sites);
     for (int i = 0; i < s->config.case_count; i++)
         scene_destroy(&s->scenes[i]);
     for (int i = 0; i < s->config.station_count; i++)
@@ -359,6 +363,10 @@ const struct scene *sessions_scene(const struct sessions *s, int index) {
 
 bool sessions_case_is_broken(const struct sessions *s, int index, struct error *why) {
     return grades_are_broken(s->grades, index, why);
+}
+
+const struct task_library *sessions_tasks(const struct sessions *s) {
+    return s->tasks;
 }
 
 struct runtime *sessions_runtime(struct sessions *s) {

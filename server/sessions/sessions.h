@@ -9,6 +9,7 @@
 #include "runtime/runtime.h"
 #include "sessions/config.h"
 #include "sessions/station_slot.h"
+#include "task/library.h"
 
 struct sessions;
 
@@ -56,4 +57,5 @@ const struct sessions_config *sessions_config(const struct sessions *sessions);
 const struct scene *sessions_scene(const struct sessions *sessions, int index); // of a case
 // Whether a case could not be read at the start, and why: "case NAME: ...".
 bool sessions_case_is_broken(const struct sessions *sessions, int index, struct error *out_why);
+const struct task_library *sessions_tasks(const struct sessions *sessions); // as read at its start
 struct runtime *sessions_runtime(struct sessions *sessions);

@@ -11,17 +11,6 @@ static int64_t ns_of(double seconds) {
     return (int64_t)(seconds * 1e9);
 }
 
-const char *verdict_name(enum verdict verdict) {
-    static const char *const names[VERDICT_COUNT] = {"open", "passed", "not yet"};
-    return names[verdict];
-}
-
-const char *attempt_end_name(enum attempt_end end) {
-    static const char *const names[ATTEMPT_END_COUNT] = {"runs", "done", "time out",
-                                                         "sentinel error", "left"};
-    return names[end];
-}
-
 void attempt_init(struct attempt *a) {
     memset(a, 0, sizeof *a);
 }
@@ -69,7 +58,8 @@ static bool hold(struct holding *h, bool holds, int64_t now_ns, int64_t apart_ns
     if (!holds)
         return false;
     if (!h->holds)
-        *h = (struct holding){true, now_ns, now_ns};
+        h->since_ns = now_ns;
+    h->holds = true;
     h->last_ns = now_ns;
     return now_ns - h->since_ns >= long_ns;
 }
@@ -196,6 +186,15 @@ struct attempt_news attempt_step(struct attempt *a, const struct site *site,
     return news;
 }
 
+struct attempt_news attempt_take(struct attempt *a, const struct site *site, enum input_kind kind,
+                                 const struct session_output *output) {
+    bool leaves = kind == INPUT_RESET && a->end == ATTEMPT_RUNS;
+    if (!leaves)
+        return attempt_step(a, site, output);
+    attempt_leave(a);
+    return (struct attempt_news){.ended = true};
+}
+
 void attempt_leave(struct attempt *a) {
     if (a->end == ATTEMPT_RUNS)
         a->end = ATTEMPT_LEFT;
@@ -205,10 +204,14 @@ double attempt_time_s(const struct attempt *a) {
     return 1e-9 * (double)a->running_ns;
 }
 
-enum verdict attempt_verdict(const struct attempt *a, const struct task *task) {
+enum verdict attempt_verdict_by(const struct attempt *a, double pass_time_s, int pass_errors) {
     if (a->end == ATTEMPT_RUNS)
         return VERDICT_OPEN;
-    bool passed = a->end == ATTEMPT_DONE && attempt_time_s(a) <= task->pass_time_s &&
-                  a->errors <= task->pass_errors;
+    bool passed =
+        a->end == ATTEMPT_DONE && attempt_time_s(a) <= pass_time_s && a->errors <= pass_errors;
     return passed ? VERDICT_PASSED : VERDICT_NOT_YET;
+}
+
+enum verdict attempt_verdict(const struct attempt *a, const struct task *task) {
+    return attempt_verdict_by(a, task->pass_time_s, task->pass_errors);
 }

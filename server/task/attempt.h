@@ -5,7 +5,8 @@
 // it. Nothing here allocates, fails or reads a clock.
 #pragma once
 
-#include "step/output.h"
+#include "base/attempt_words.h"
+#include "step/session.h"
 #include "task/site.h"
 
 // A tracker's noise makes a condition come and go. So it counts as held until it has not held for
@@ -14,19 +15,6 @@
 #define ERROR_APART_NS 500000000LL
 
 #define ATTEMPT_OCCURRENCES_MAX 64 // that are kept with their steps; all are counted
-
-enum verdict { VERDICT_OPEN, VERDICT_PASSED, VERDICT_NOT_YET, VERDICT_COUNT };
-const char *verdict_name(enum verdict verdict); // "open", "passed", "not yet"
-
-enum attempt_end {
-    ATTEMPT_RUNS,
-    ATTEMPT_DONE,     // all goals are met
-    ATTEMPT_TIME_OUT, // the limit's time is over
-    ATTEMPT_SENTINEL, // an error ended it
-    ATTEMPT_LEFT,     // the session closed, or somebody ended it
-    ATTEMPT_END_COUNT
-};
-const char *attempt_end_name(enum attempt_end end);
 
 // All times are of the running session since the attempt began; what was paused does not count.
 struct holding {
@@ -83,7 +71,11 @@ struct attempt_news {
 // It begins with the next step.
 void attempt_init(struct attempt *attempt);
 
-// Adds the session's next step. Nothing changes once it has ended.
+// Adds the session's next step, and the kind of its input: a reset ends the attempt as left.
+// Nothing changes once it has ended.
+struct attempt_news attempt_take(struct attempt *attempt, const struct site *site,
+                                 enum input_kind kind, const struct session_output *output);
+// The same for a step that was no reset.
 struct attempt_news attempt_step(struct attempt *attempt, const struct site *site,
                                  const struct session_output *output);
 
@@ -91,4 +83,6 @@ void attempt_leave(struct attempt *attempt); // ATTEMPT_LEFT, unless it has ende
 
 // By the task's pass mark: VERDICT_OPEN while it runs.
 enum verdict attempt_verdict(const struct attempt *attempt, const struct task *task);
+// By another one.
+enum verdict attempt_verdict_by(const struct attempt *attempt, double pass_time_s, int pass_errors);
 double attempt_time_s(const struct attempt *attempt);

@@ -1,6 +1,7 @@
 #include "settings/settings.h"
 #include "task/task.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -244,16 +245,48 @@ static enum result name_after(struct task *task, const char *path, struct error 
         return fail(err, RESULT_LIMIT, "the name of a task has at most %d bytes",
                     TASK_NAME_MAX - 1);
     memcpy(task->name, file, length);
-    return RESULT_OK;
+    return case_name_is_valid(task->name)
+               ? RESULT_OK
+               : fail(err, RESULT_INVALID,
+                      "'%s' is no name of a task: 1 to %d letters, digits, '.', '-' and '_'",
+                      task->name, TASK_NAME_MAX - 1);
 }
 
-enum result task_load(const char *path, struct task *out_task, struct error *err) {
+enum result task_parse(const char *path, const char *text, size_t size, struct task *out_task,
+                       struct error *err) {
     *out_task = (struct task){.version = 1, .in_order = true, .limit_s = 600, .pass_time_s = NAN};
-    enum result result = settings_load(path, NULL, 0, sections, out_task, err);
+    if (size == 0 || size > TASK_FILE_MAX)
+        return fail(err, size ? RESULT_LIMIT : RESULT_MISSING,
+                    "%s has %zu bytes; a task has 1 to %d", path, size, TASK_FILE_MAX);
+    enum result result = settings_load_text(path, text, size, sections, out_task, err);
     if (result != RESULT_OK)
         return result;
     result = name_after(out_task, path, err);
     if (result == RESULT_OK)
         result = check_task(out_task, err);
     return result == RESULT_OK ? RESULT_OK : fail_in(err, result, "%s: ", path);
+}
+
+enum result task_read(const char *path, struct task_file *out, struct error *err) {
+    char text[TASK_FILE_MAX + 1];
+    FILE *file = fopen(path, "re");
+    memset(out, 0, sizeof *out);
+    out->size = file ? fread(text, 1, sizeof text, file) : 0;
+    bool failed = !file || ferror(file);
+    int why = errno;
+    if (file)
+        fclose(file);
+    if (failed)
+        return fail(err, RESULT_MISSING, "%s cannot be read: %s", path, strerror(why));
+    enum result result = task_parse(path, text, out->size, &out->task, err);
+    if (result == RESULT_OK)
+        memcpy(out->text, text, out->size);
+    return result;
+}
+
+enum result task_load(const char *path, struct task *out_task, struct error *err) {
+    struct task_file file;
+    enum result result = task_read(path, &file, err);
+    *out_task = file.task;
+    return result;
 }

@@ -86,6 +86,20 @@ struct task {
     struct task_error errors[TASK_ERRORS_MAX];
 };
 
+#define TASK_FILE_MAX 8192 // bytes
+
+// A file, and the task that it says. The text has no end but its size.
+struct task_file {
+    struct task task;
+    size_t size;
+    char text[TASK_FILE_MAX];
+};
+
 // Reads and checks a file. RESULT_MISSING: it cannot be read, or lacks a key; RESULT_FORMAT,
 // RESULT_INVALID, RESULT_LIMIT; the error names file, line or section, and key.
 enum result task_load(const char *path, struct task *out_task, struct error *err);
+enum result task_read(const char *path, struct task_file *out_file, struct error *err);
+
+// The same for the text of a file; path: NAME.ini, for its name and for errors.
+enum result task_parse(const char *path, const char *text, size_t size, struct task *out_task,
+                       struct error *err);

@@ -25,13 +25,16 @@ static json_t *errors_json(const struct task *task, const struct attempt *attemp
     return errors;
 }
 
+json_t *tell_object(const struct task *task, const struct attempt *attempt, const char *why) {
+    return json_pack("{s:s, s:i, s:s, s:s, s:s, s:f, s:i, s:o, s:o}", "task", task->name, "version",
+                     task->version, "verdict", verdict_name(attempt_verdict(attempt, task)), "end",
+                     attempt_end_name(attempt->end), "why", why, "time_s", attempt_time_s(attempt),
+                     "error_count", attempt->errors, "goals", goals_json(task, attempt), "errors",
+                     errors_json(task, attempt));
+}
+
 void tell_json(const struct task *task, const struct attempt *attempt, const char *why) {
-    json_t *root =
-        json_pack("{s:s, s:i, s:s, s:s, s:s, s:f, s:i, s:o, s:o}", "task", task->name, "version",
-                  task->version, "verdict", verdict_name(attempt_verdict(attempt, task)), "end",
-                  attempt_end_name(attempt->end), "why", why, "time_s", attempt_time_s(attempt),
-                  "error_count", attempt->errors, "goals", goals_json(task, attempt), "errors",
-                  errors_json(task, attempt));
+    json_t *root = tell_object(task, attempt, why);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(6));
     putchar('\n');
     json_decref(root);

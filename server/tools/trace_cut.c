@@ -58,7 +58,9 @@ struct trace_piece {
     struct trace_writer *writer;
     int64_t start_ns;
     uint64_t steps;
-    bool over; // the time: only markers that came late may still be of it
+    bool inside;  // its first step was read
+    bool attempt; // the piece has the begin of the last one
+    bool over;    // the time: only markers that came late may still be of it
     enum result result;
     struct error *err;
 };
@@ -72,10 +74,20 @@ static void take_input(struct trace_piece *c, struct trace_record *copy) {
     c->over |= seconds > c->request->to_s;
     if (seconds < c->request->from_s)
         copy->type = TRACE_PAST;
+    c->inside = seconds >= c->request->from_s;
     c->steps += !c->over && copy->type == TRACE_STEP;
 }
 
-static bool is_of_piece(const struct trace_piece *c, const struct trace_record *record) {
+// Of an attempt that began before the piece, nothing is left.
+static bool has_begun(struct trace_piece *c, const struct trace_record *record) {
+    if (record->type == TRACE_BEGUN)
+        c->attempt = c->inside && !c->over;
+    return c->attempt;
+}
+
+static bool is_of_piece(struct trace_piece *c, const struct trace_record *record) {
+    if (record->type == TRACE_BEGUN || record->type == TRACE_ENDED)
+        return has_begun(c, record) && !c->over;
     double seconds = seconds_of(c, record->marker.time_ns);
     return record->type == TRACE_MARKER
                ? seconds >= c->request->from_s && seconds <= c->request->to_s
@@ -95,8 +107,10 @@ static bool copy_record(void *user, const struct trace_record *record) {
 
 static enum result copy(const struct cut_request *request, struct trace_reader *reader,
                         struct trace_writer *writer, uint64_t *out_steps, struct error *err) {
-    struct trace_piece c = {request,   writer, trace_reader_header(reader)->start_ns, 0, false,
-                            RESULT_OK, err};
+    struct trace_piece c = {.request = request,
+                            .writer = writer,
+                            .start_ns = trace_reader_header(reader)->start_ns,
+                            .err = err};
     struct trace_player player = {.user = &c, .record = copy_record, .progress = show_second_half};
     enum result result = trace_play(reader, &player, err);
     *out_steps = c.steps;

@@ -169,6 +169,29 @@ static json_t *markers_array(const struct trace_header *h, const struct survey *
     return all;
 }
 
+static uint64_t shown_attempts(const struct survey *s) {
+    return s->attempt_count < SURVEY_ATTEMPTS_MAX ? s->attempt_count : SURVEY_ATTEMPTS_MAX;
+}
+
+static json_t *attempts_array(const struct survey *s) {
+    json_t *all = json_array();
+    for (uint64_t i = 0; i < shown_attempts(s); i++) {
+        const struct trace_attempt *b = &s->attempts[i].begun;
+        const struct trace_outcome *e = &s->attempts[i].ended;
+        json_array_append_new(
+            all,
+            json_pack("{s:i, s:s, s:s, s:s, s:f, s:i, s:i, s:s, s:s, s:i, s:i, s:f, s:I, s:I}",
+                      "number", (int)b->number, "task", b->task, "purpose",
+                      attempt_purpose_name(b->purpose), "hand", attempt_hand_name(b->hand),
+                      "pass_time_s", b->pass_time_s, "pass_errors", (int)b->pass_errors,
+                      "mark_version", (int)b->mark_version, "end", attempt_end_name(e->end),
+                      "verdict", verdict_name(e->verdict), "goals_met", (int)e->goals_met, "errors",
+                      (int)e->errors, "time_s", 1e-9 * (double)e->time_ns, "first_step",
+                      (json_int_t)e->first_step, "last_step", (json_int_t)e->last_step));
+    }
+    return all;
+}
+
 static void print_json(const struct trace_header *h, const struct survey *s) {
     char id[33], start[32], hash[17];
     hex_text(h->session_id, sizeof h->session_id, id);
@@ -199,6 +222,7 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     json_object_set_new(root, "resumes", json_integer((json_int_t)s->resumes));
     json_object_set_new(root, "remarks", remarks_array(s));
     json_object_set_new(root, "markers", markers_array(h, s));
+    json_object_set_new(root, "attempts", attempts_array(s));
     json_object_set_new(root, "markers_count", json_integer((json_int_t)s->marker_count));
     if (s->touches)
         json_object_set_new(root, "touches",
@@ -241,6 +265,22 @@ static void print_markers(const struct trace_header *h, const struct survey *s) 
     if (s->marker_count > shown_markers(s))
         printf("marker      %" PRIu64 " more: arthron-trace export --markers has them all\n",
                s->marker_count - shown_markers(s));
+}
+
+static void print_attempts(const struct survey *s) {
+    for (uint64_t i = 0; i < shown_attempts(s); i++) {
+        const struct trace_attempt *b = &s->attempts[i].begun;
+        const struct trace_outcome *e = &s->attempts[i].ended;
+        printf("attempt %-3u %s, %s, scope in the %s hand: ", b->number, b->task,
+               attempt_purpose_name(b->purpose), attempt_hand_name(b->hand));
+        if (e->number)
+            printf("%s (%s) after %.1f s, %u goals met, %u errors\n", verdict_name(e->verdict),
+                   attempt_end_name(e->end), 1e-9 * (double)e->time_ns, e->goals_met, e->errors);
+        else
+            puts("its end is not recorded");
+    }
+    if (s->attempt_count > shown_attempts(s))
+        printf("attempt     %" PRIu64 " more\n", s->attempt_count - shown_attempts(s));
 }
 
 static void print_origin(const struct trace_header *h) {
@@ -311,6 +351,7 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
         if (s->remarks[i].number)
             print_remark(s, &s->remarks[i]);
     print_markers(h, s);
+    print_attempts(s);
     printf("displaced   by up to %.3f mm\n", s->largest_mm);
     if (s->end != RESULT_CLOSED)
         printf("not whole   %s\n", s->why.text);

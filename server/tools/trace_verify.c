@@ -30,7 +30,7 @@ struct damage {
 
 enum seal_state { SEAL_NONE, SEAL_GOOD, SEAL_BAD };
 
-struct verdict {
+struct soundness {
     struct survey survey;
     struct damage damages[DAMAGES_MAX]; // the first
     int damage_count;
@@ -43,14 +43,14 @@ struct verdict {
 static const char *const seal_names[] = {"none", "good", "bad"};
 
 static bool count_behind(void *user, const struct trace_record *record) {
-    struct verdict *v = user;
+    struct soundness *v = user;
     (void)record;
     v->steps_behind++;
     return true;
 }
 
 // What can be read behind the damage that ended the survey.
-static void read_behind(struct trace_reader *reader, struct verdict *v) {
+static void read_behind(struct trace_reader *reader, struct soundness *v) {
     struct trace_player player = {.user = v, .step = count_behind};
     enum result result = v->survey.end;
     struct error why = v->survey.why;
@@ -67,7 +67,8 @@ static void read_behind(struct trace_reader *reader, struct verdict *v) {
     }
 }
 
-static void ask_seal(const struct trace_reader *reader, const char *authority, struct verdict *v) {
+static void ask_seal(const struct trace_reader *reader, const char *authority,
+                     struct soundness *v) {
     struct trace_seal seal;
     if (!trace_reader_seal(reader, &seal))
         return;
@@ -76,7 +77,7 @@ static void ask_seal(const struct trace_reader *reader, const char *authority, s
     v->seal = result == RESULT_OK ? SEAL_GOOD : SEAL_BAD;
 }
 
-static json_t *damages_array(const struct verdict *v) {
+static json_t *damages_array(const struct soundness *v) {
     json_t *array = json_array();
     for (int i = 0; i < v->damage_count && i < DAMAGES_MAX; i++)
         json_array_append_new(
@@ -86,7 +87,7 @@ static json_t *damages_array(const struct verdict *v) {
     return array;
 }
 
-static void print_json(const struct verdict *v) {
+static void print_json(const struct soundness *v) {
     const struct survey *s = &v->survey;
     json_t *root = json_pack(
         "{s:b, s:s, s:I, s:I, s:I, s:I, s:I}", "whole", s->end == RESULT_CLOSED, "end",
@@ -105,7 +106,7 @@ static void print_json(const struct verdict *v) {
     json_decref(root);
 }
 
-static void print_seal(const struct verdict *v, bool asked) {
+static void print_seal(const struct soundness *v, bool asked) {
     if (v->seal == SEAL_NONE)
         printf("not signed%s\n",
                v->survey.end == RESULT_CLOSED ? "" : ": it was not closed, or its end is lost");
@@ -115,7 +116,7 @@ static void print_seal(const struct verdict *v, bool asked) {
         printf("signed by %s%s\n", v->signed_by, asked ? "" : " (--authority checks the signer)");
 }
 
-static void print_text(const struct verdict *v, bool asked) {
+static void print_text(const struct soundness *v, bool asked) {
     const struct survey *s = &v->survey;
     if (s->end == RESULT_CLOSED)
         printf("whole: %" PRIu64 " bytes\n", s->whole_bytes);
@@ -137,7 +138,7 @@ static void print_text(const struct verdict *v, bool asked) {
            s->steps, s->missing, s->gaps, s->lost_samples);
 }
 
-static bool is_good(const struct verdict *v, bool asked) {
+static bool is_good(const struct soundness *v, bool asked) {
     bool believed = v->seal == SEAL_GOOD || (v->seal == SEAL_NONE && !asked);
     return v->survey.end == RESULT_CLOSED && v->survey.missing == 0 && believed;
 }
@@ -145,7 +146,7 @@ static bool is_good(const struct verdict *v, bool asked) {
 static int verify(const char *file, const char *authority, bool json) {
     struct trace_reader *reader;
     struct error err;
-    static struct verdict v;
+    static struct soundness v;
     if (trace_reader_create(file, &reader, &err) != RESULT_OK)
         return failed("verify", &err);
     survey_read(reader, show_progress, &v.survey);

@@ -18,6 +18,10 @@ static bool tell(const struct trace_player *p, const struct trace_record *record
         return !p->remark || p->remark(p->user, &record->remark);
     case TRACE_MARKER:
         return !p->marker || p->marker(p->user, &record->marker);
+    case TRACE_BEGUN:
+        return !p->begun || p->begun(p->user, &record->begun);
+    case TRACE_ENDED:
+        return !p->ended || p->ended(p->user, &record->ended);
     case TRACE_END:
         return !p->end || p->end(p->user, record->records, record->missing);
     case TRACE_TOUCH: // it comes again with the step at which it lands

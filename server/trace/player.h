@@ -14,6 +14,8 @@ struct trace_player {
     bool (*fault)(void *user, int64_t utc_ns);
     bool (*remark)(void *user, const struct remark *remark);
     bool (*marker)(void *user, const struct marker *marker);
+    bool (*begun)(void *user, const struct trace_attempt *attempt);
+    bool (*ended)(void *user, const struct trace_outcome *outcome);
     bool (*end)(void *user, uint64_t records, uint64_t missing);
     void (*progress)(uint64_t done, uint64_t all); // bytes, after each record
 };

@@ -32,10 +32,12 @@ struct trace_reader {
     uint32_t tissue_vertices[TISSUES_MAX];
     uint8_t data[RECORD_MAX]; // of the last record
     struct gathering gathering;
-    bool landed;  // the gathered touch, with the last record
-    bool ended;   // the end record was read
-    bool damaged; // records were left out: what is read need not follow from what came before
-    bool foreign; // no writer wrote what stands where reading has ended
+    bool landed;       // the gathered touch, with the last record
+    uint32_t attempts; // the number of the last one that began
+    bool attempted;    // it has not ended
+    bool ended;        // the end record was read
+    bool damaged;      // records were left out: what is read need not follow from what came before
+    bool foreign;      // no writer wrote what stands where reading has ended
     struct trace_end end;
     uint8_t seal[TRACE_SEAL_SIZE];
     enum result state; // anything but OK: reading has ended so
@@ -242,6 +244,22 @@ static enum result follow_step(struct trace_reader *r, const struct trace_record
     return RESULT_OK;
 }
 
+// Behind damage begin or end may be missing.
+static enum result follow_attempt(struct trace_reader *r, const struct trace_record *record,
+                                  struct error *err) {
+    bool begins = record->type == TRACE_BEGUN;
+    uint32_t number = begins ? record->begun.number : record->ended.number;
+    bool good =
+        begins ? !r->attempted && number > r->attempts : r->attempted && number == r->attempts;
+    if (!good && !r->damaged)
+        return fail(err, RESULT_FORMAT, "attempt %u %s, but the one before is number %u, which %s",
+                    number, begins ? "begins" : "ends", r->attempts,
+                    r->attempted ? "runs" : "has ended");
+    r->attempts = number;
+    r->attempted = begins;
+    return RESULT_OK;
+}
+
 static enum result follow(struct trace_reader *r, struct trace_record *record, struct error *err) {
     struct trace_place *place = &r->place;
     switch (record->type) {
@@ -261,6 +279,9 @@ static enum result follow(struct trace_reader *r, struct trace_record *record, s
     case TRACE_FAULT:
     case TRACE_MARKER:
         return RESULT_OK;
+    case TRACE_BEGUN:
+    case TRACE_ENDED:
+        return follow_attempt(r, record, err);
     default:
         if (!r->damaged && (record->records != place->records || record->missing != place->missing))
             return fail(err, RESULT_FORMAT, "the end record counts other steps than there are");

@@ -16,6 +16,7 @@ enum {
     OUTPUT_SIZE_MAX = sizeof(struct session_output) + BODY_COUNT
 };
 _Static_assert(INPUT_SIZE_MAX + OUTPUT_SIZE_MAX <= RECORD_PAYLOAD_MAX, "a step fits");
+_Static_assert(TRACE_TASK_MAX + 128 <= RECORD_PAYLOAD_MAX, "an attempt fits");
 
 // ---- what both ends have in common, one pair for each type
 
@@ -206,6 +207,33 @@ size_t record_encode_marker(const struct marker *marker, struct chain *chain, ui
     return end_record(&w, chain);
 }
 
+size_t record_encode_begun(const struct trace_attempt *attempt, struct chain *chain, uint8_t *out) {
+    struct writer w = begin_record(TRACE_BEGUN, out);
+    write_u32(&w, attempt->number);
+    write_u8(&w, (uint8_t)attempt->purpose);
+    write_u8(&w, (uint8_t)attempt->hand);
+    write_text(&w, attempt->task);
+    write_u32(&w, attempt->mark_version);
+    write_f64(&w, attempt->pass_time_s);
+    write_u32(&w, attempt->pass_errors);
+    write_u32(&w, attempt->size);
+    write_bytes(&w, attempt->text, attempt->size);
+    return end_record(&w, chain);
+}
+
+size_t record_encode_ended(const struct trace_outcome *outcome, struct chain *chain, uint8_t *out) {
+    struct writer w = begin_record(TRACE_ENDED, out);
+    write_u32(&w, outcome->number);
+    write_u8(&w, (uint8_t)outcome->end);
+    write_u8(&w, (uint8_t)outcome->verdict);
+    write_u32(&w, outcome->goals_met);
+    write_u32(&w, outcome->errors);
+    write_u64(&w, outcome->first_step);
+    write_u64(&w, outcome->last_step);
+    write_i64(&w, outcome->time_ns);
+    return end_record(&w, chain);
+}
+
 size_t record_encode_touch(const struct trace_touch_part *part, struct chain *chain, uint8_t *out) {
     struct writer w = begin_record(TRACE_TOUCH, out);
     write_u64(&w, part->job);
@@ -231,10 +259,11 @@ size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8
 }
 
 static unsigned last_type(unsigned version) {
-    return version >= TRACE_FIRST_WITH_FAULTS ? TRACE_MARKER
-           : version >= 4                     ? TRACE_REMARK
-           : version == 3                     ? TRACE_RESUME
-                                              : TRACE_END;
+    return version >= TRACE_FIRST_WITH_ATTEMPTS ? TRACE_ENDED
+           : version >= TRACE_FIRST_WITH_FAULTS ? TRACE_MARKER
+           : version >= 4                       ? TRACE_REMARK
+           : version == 3                       ? TRACE_RESUME
+                                                : TRACE_END;
 }
 
 enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t *out_rest,
@@ -291,6 +320,31 @@ static bool read_marker(struct reader *r, struct marker *out) {
     return time_is_sane(out->time_ns) && marker_is_valid(out);
 }
 
+static bool read_begun(struct reader *r, struct trace_attempt *out) {
+    out->number = read_u32(r);
+    out->purpose = read_u8(r);
+    out->hand = read_u8(r);
+    read_text(r, out->task, sizeof out->task);
+    out->mark_version = read_u32(r);
+    out->pass_time_s = read_f64(r);
+    out->pass_errors = read_u32(r);
+    out->size = read_u32(r);
+    out->text = (const char *)read_bytes(r, out->size);
+    return out->text && trace_attempt_is_valid(out);
+}
+
+static bool read_ended(struct reader *r, struct trace_outcome *out) {
+    out->number = read_u32(r);
+    out->end = read_u8(r);
+    out->verdict = read_u8(r);
+    out->goals_met = read_u32(r);
+    out->errors = read_u32(r);
+    out->first_step = read_u64(r);
+    out->last_step = read_u64(r);
+    out->time_ns = read_i64(r);
+    return trace_outcome_is_valid(out);
+}
+
 static bool read_step(struct reader *r, struct trace_layout layout, struct trace_record *out) {
     bool good = read_input(r, &out->input, &out->job_done) &&
                 output_decode(r, (int)layout.version, layout.rules, layout.described, layout.loose,
@@ -332,6 +386,10 @@ static bool read_payload(struct reader *r, struct trace_layout layout, struct tr
         return read_marker(r, &out->marker);
     case TRACE_TOUCH:
         return read_touch(r, &out->touch_part);
+    case TRACE_BEGUN:
+        return read_begun(r, &out->begun);
+    case TRACE_ENDED:
+        return read_ended(r, &out->ended);
     default:
         return read_end(r, layout.version, out_end);
     }

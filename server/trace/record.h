@@ -57,6 +57,8 @@ size_t record_encode_resume(int64_t utc_ns, struct chain *chain, uint8_t *out);
 size_t record_encode_fault(int64_t utc_ns, struct chain *chain, uint8_t *out);
 size_t record_encode_remark(const struct remark *remark, struct chain *chain, uint8_t *out);
 size_t record_encode_marker(const struct marker *marker, struct chain *chain, uint8_t *out);
+size_t record_encode_begun(const struct trace_attempt *attempt, struct chain *chain, uint8_t *out);
+size_t record_encode_ended(const struct trace_outcome *outcome, struct chain *chain, uint8_t *out);
 size_t record_encode_touch(const struct trace_touch_part *part, struct chain *chain, uint8_t *out);
 size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8_t *out);
 

@@ -7,6 +7,7 @@
 // before it can be read.
 #pragma once
 
+#include "base/attempt_words.h"
 #include "base/marker.h"
 #include "base/result.h"
 #include "step/optic.h"
@@ -17,6 +18,7 @@
 #define TRACE_OLDEST_VERSION 2    // the oldest that can be read
 #define TRACE_OLDEST_RESUMED 4    // the oldest that a resumed session can be appended to
 #define TRACE_FIRST_WITH_FAULTS 5 // the first with TRACE_FAULT, TRACE_TOUCH and TRACE_MARKER
+#define TRACE_FIRST_WITH_ATTEMPTS 6
 
 #define TRACE_HASH_SIZE 32
 #define TRACE_CERTIFICATE_MAX 4096
@@ -84,6 +86,37 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
                                 const struct trace_signer *signer, struct trace_writer **out_writer,
                                 struct error *err);
 
+#define TRACE_TASK_NAME_MAX 32
+#define TRACE_TASK_MAX 8192 // bytes of a task's file
+
+// An attempt at a task, and all that it is judged by. It begins with the next step.
+struct trace_attempt {
+    uint32_t number; // in the session, from 1
+    enum attempt_purpose purpose;
+    enum attempt_hand hand;
+    char task[TRACE_TASK_NAME_MAX]; // the name of its file, without .ini
+    // The pass mark. Version 0: the task file's.
+    uint32_t mark_version;
+    double pass_time_s;
+    uint32_t pass_errors;
+    uint32_t size; // of the task's file
+    const char *text;
+};
+
+// As it was judged.
+struct trace_outcome {
+    uint32_t number;
+    enum attempt_end end;
+    enum verdict verdict;
+    uint32_t goals_met, errors;
+    uint64_t first_step, last_step; // that it was judged by; 0: it ended before any
+    int64_t time_ns;                // that it took, without pauses
+};
+
+// Numbers in their ranges, a task's name, and a text of 1 to TRACE_TASK_MAX bytes.
+bool trace_attempt_is_valid(const struct trace_attempt *attempt);
+bool trace_outcome_is_valid(const struct trace_outcome *outcome);
+
 // The caller appends every step, in order; before a step at which a job lands it writes the job's
 // touch, if that is of offsets. False if the buffer is full: the step is counted as
 // missing, and a gap record says so as soon as there is room.
@@ -98,6 +131,12 @@ bool trace_append_remark(struct trace_writer *writer, const struct remark *remar
 bool trace_append_marker(struct trace_writer *writer, const struct marker *marker);
 bool trace_takes_markers(const struct trace_writer *writer);
 
+// The same for a valid attempt that begins with the next step, and for the end of the one that
+// began last. The writer must take them: one that continues a trace of an older version does not.
+bool trace_append_begun(struct trace_writer *writer, const struct trace_attempt *attempt);
+bool trace_append_ended(struct trace_writer *writer, const struct trace_outcome *outcome);
+bool trace_takes_attempts(const struct trace_writer *writer);
+
 // How much the caller has appended so far, and whether so much would survive a loss of power.
 uint64_t trace_position(const struct trace_writer *writer);
 bool trace_is_on_disk(const struct trace_writer *writer, uint64_t position);
@@ -108,8 +147,8 @@ bool trace_is_written(const char *path);
 struct trace_record;
 
 // Appends a record that was read from another trace: a step or a past input with its touch, a gap,
-// a remark or a marker. It waits for the disk, so a worker must not call it. RESULT_IO: the disk is
-// full or has failed.
+// a remark, a marker, the begin or the end of an attempt. It waits for the disk, so a worker must
+// not call it. RESULT_IO: the disk is full or has failed.
 enum result trace_append_record(struct trace_writer *writer, const struct trace_record *record,
                                 struct error *err);
 
@@ -147,7 +186,9 @@ enum trace_record_type {
     TRACE_REMARK = 6, // no input of the session
     TRACE_FAULT = 7,  // fdatasync failed here, and the bytes since the last success were rewritten
     TRACE_TOUCH = 8,  // part of what the next job to land changes of the touched surface
-    TRACE_MARKER = 9  // no input of the session; its time may be before that of the step before it
+    TRACE_MARKER = 9, // no input of the session; its time may be before that of the step before it
+    TRACE_BEGUN = 10, // an attempt begins with the next step: no input of the session
+    TRACE_ENDED = 11  // the attempt that began last ended with the step before
 };
 
 struct trace_touch_part {
@@ -174,6 +215,8 @@ struct trace_record {
     const struct touch_change *touch;
     int touch_tissue;
     struct trace_touch_part touch_part; // TRACE_TOUCH
+    struct trace_attempt begun; // TRACE_BEGUN; its text: valid until the next record is read
+    struct trace_outcome ended; // TRACE_ENDED
 };
 
 // The place up to which a trace was read.

@@ -128,6 +128,26 @@ bool trace_takes_markers(const struct trace_writer *w) {
     return w->version >= TRACE_FIRST_WITH_FAULTS;
 }
 
+bool trace_append_begun(struct trace_writer *w, const struct trace_attempt *attempt) {
+    uint8_t data[RECORD_MAX];
+    CHECK(trace_attempt_is_valid(attempt) && trace_takes_attempts(w));
+    bool done = buffer_put(&w->buffer, data, record_encode_begun(attempt, NULL, data));
+    wait_where_all_ends();
+    return done;
+}
+
+bool trace_append_ended(struct trace_writer *w, const struct trace_outcome *outcome) {
+    uint8_t data[RECORD_MAX];
+    CHECK(trace_outcome_is_valid(outcome) && trace_takes_attempts(w));
+    bool done = buffer_put(&w->buffer, data, record_encode_ended(outcome, NULL, data));
+    wait_where_all_ends();
+    return done;
+}
+
+bool trace_takes_attempts(const struct trace_writer *w) {
+    return w->version >= TRACE_FIRST_WITH_ATTEMPTS;
+}
+
 uint64_t trace_position(const struct trace_writer *w) {
     return buffer_head(&w->buffer);
 }
@@ -171,6 +191,10 @@ enum result trace_append_record(struct trace_writer *w, const struct trace_recor
         CHECK(trace_append_remark(w, &record->remark));
     if (record->type == TRACE_MARKER)
         CHECK(trace_append_marker(w, &record->marker));
+    if (record->type == TRACE_BEGUN)
+        CHECK(trace_append_begun(w, &record->begun));
+    if (record->type == TRACE_ENDED)
+        CHECK(trace_append_ended(w, &record->ended));
     if (record->type == TRACE_GAP) {
         w->gap += record->missing;
         count(&w->missing, record->missing);

@@ -99,7 +99,7 @@ bool request_pool_add(struct request_pool *p, struct web_task *task) {
                 p->handler.is_slow(task->method, task->path);
     return task_pool_add(
         slow ? p->slow : p->tasks,
-        &(struct task){.urgent = urgent, .run = run, .finish = finish, .data = task});
+        &(struct pool_task){.urgent = urgent, .run = run, .finish = finish, .data = task});
 }
 
 struct web_task *request_pool_take_done(struct request_pool *p) {

@@ -14,7 +14,7 @@ enum pool_state { OPEN, DRAINING, STOPPED };
 // In the list, in the order of adding, from task_pool_add until it is finished.
 struct pool_entry {
     struct pool_entry *next;
-    struct task task;
+    struct pool_task task;
     int before;     // how many tasks of its key were added earlier and are not finished
     int64_t due_ns; // do not run it before; 0: at once
     bool runs;
@@ -35,7 +35,7 @@ struct task_pool {
 
 // ---- the list -----------------------------------------------------------------------------------
 
-static void append(struct task_pool *pool, const struct task *task) {
+static void append(struct task_pool *pool, const struct pool_task *task) {
     struct pool_entry *entry = pool->unused;
     pool->unused = entry->next;
     *entry = (struct pool_entry){.task = *task};
@@ -80,14 +80,14 @@ static struct pool_entry *next_to_run(const struct task_pool *pool, int64_t *out
 
 // ---- threads ------------------------------------------------------------------------------------
 
-static void finish(struct task *task, bool done) {
+static void finish(struct pool_task *task, bool done) {
     if (task->finish)
         task->finish(task->data, done);
 }
 
 // Called and returns with the lock held.
 static void run(struct task_pool *pool, struct pool_entry *entry) {
-    struct task task = entry->task;
+    struct pool_task task = entry->task;
     entry->runs = true;
     pthread_mutex_unlock(&pool->lock);
     int64_t again_ns = task.run(task.data);
@@ -168,7 +168,7 @@ struct task_pool *task_pool_create(const struct task_pool_settings *settings) {
     return pool;
 }
 
-bool task_pool_add(struct task_pool *pool, const struct task *task) {
+bool task_pool_add(struct task_pool *pool, const struct pool_task *task) {
     pthread_mutex_lock(&pool->lock);
     bool taken = pool->state == OPEN && pool->room[task->urgent] > 0;
     if (taken) {
@@ -193,7 +193,7 @@ static void close_pool(struct task_pool *pool, enum pool_state state) {
 
 void task_pool_stop(struct task_pool *pool) {
     close_pool(pool, STOPPED);
-    for (struct task task; pool->first; finish(&task, false)) {
+    for (struct pool_task task; pool->first; finish(&task, false)) {
         task = pool->first->task;
         drop(pool, pool->first);
     }

@@ -5,7 +5,7 @@
 // never run at the same time, and run in the order in which they were added: an urgent one too
 // waits for those of its key. Tasks without a key run as soon as a thread is free.
 //
-// Ownership. The pool copies a struct task and never looks at its `data`. Each task that was taken
+// Ownership. The pool copies a struct pool_task and never looks at its `data`. Each task that was taken
 // ends with exactly one call of `finish`, before the next task of its key runs: release `data`
 // there.
 //
@@ -18,7 +18,7 @@
 
 #define TASK_DONE 0
 
-struct task {
+struct pool_task {
     uint64_t key; // 0: none
     bool urgent;
     // On a thread of the pool: does the work. Returns TASK_DONE, or after how many nanoseconds
@@ -43,7 +43,7 @@ struct task_pool *task_pool_create(const struct task_pool_settings *settings);
 
 // False where the pool is full, stopped or draining: the task remains the caller's, and `finish` is
 // not called.
-bool task_pool_add(struct task_pool *pool, const struct task *task);
+bool task_pool_add(struct task_pool *pool, const struct pool_task *task);
 
 // Waits for the tasks that run, and finishes all others undone, in the order in which they were
 // added. Does nothing where the pool was stopped or drained before.

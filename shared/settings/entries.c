@@ -5,6 +5,7 @@
 #include <ctype.h>
 #include <errno.h>
 #include <ini.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -130,19 +131,27 @@ static enum result read_file(struct entries_reader *r, const char *path) {
     return RESULT_OK;
 }
 
-enum result entries_read(const char *path, entry_taker take, void *user, struct error *err) {
+static enum result read_from(FILE *file, const char *path, entry_taker take, void *user,
+                             struct error *err) {
+    if (!file)
+        return fail(err, RESULT_MISSING, "%s cannot be read: %s", path, strerror(errno));
     struct entries_reader *r = alloc(1, sizeof *r);
-    *r = (struct entries_reader){.take = take, .user = user, .err = err};
-    r->file = fopen(path, "re");
-    enum result result =
-        r->file ? read_file(r, path)
-                : fail(err, RESULT_MISSING, "%s cannot be read: %s", path, strerror(errno));
-    if (r->file)
-        fclose(r->file);
+    *r = (struct entries_reader){.file = file, .take = take, .user = user, .err = err};
+    enum result result = read_file(r, path);
+    fclose(file);
     for (int i = 0; i < r->count; i++) {
         free(r->entries[i].section);
         free(r->entries[i].key);
     }
     free(r);
     return result;
+}
+
+enum result entries_read(const char *path, entry_taker take, void *user, struct error *err) {
+    return read_from(fopen(path, "re"), path, take, user, err);
+}
+
+enum result entries_read_text(const char *path, const char *text, size_t size, entry_taker take,
+                              void *user, struct error *err) {
+    return read_from(fmemopen((void *)(uintptr_t)text, size, "r"), path, take, user, err);
 }

@@ -74,6 +74,12 @@ enum result settings_load(const char *path, const struct setting_override *overr
                           int override_count, const struct setting_section *sections, void *user,
                           struct error *err);
 
+// The same for a file's text in memory, of at least one byte, without overrides; path: where it
+// comes from, for errors and paths in it.
+enum result settings_load_text(const char *path, const char *text, size_t size,
+                               const struct setting_section *sections, void *user,
+                               struct error *err);
+
 // The same for a program that has no tables: true where the key is known and its value good.
 typedef bool (*setting_taker)(void *user, const char *section, const char *key, const char *value);
 enum result settings_read(const char *path, const struct setting_override *overrides,

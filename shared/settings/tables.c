@@ -195,3 +195,12 @@ enum result settings_load(const char *path, const struct setting_override *overr
             result = fail_in(err, RESULT_INVALID, "--set: ");
     return result;
 }
+
+enum result settings_load_text(const char *path, const char *text, size_t size,
+                               const struct setting_section *sections, void *user,
+                               struct error *err) {
+    struct loading l = {.sections = sections, .user = user};
+    struct error unread;
+    settings_folder(path, l.dir, sizeof l.dir);
+    return entries_read_text(path, text, size, take_entry, &l, err ? err : &unread);
+}

@@ -224,6 +224,20 @@ static enum result change_check(const arthron_SessionChange *m, struct error *er
     return patella_check(knee, err);
 }
 
+static enum result attempt_check(const arthron_AttemptState *m, struct error *err) {
+    if (enum_check("purpose", (int)m->purpose, _arthron_AttemptState_Purpose_ARRAYSIZE, err) ||
+        enum_check("hand", (int)m->hand, _arthron_AttemptState_Hand_ARRAYSIZE, err) ||
+        enum_check("end", (int)m->end, _arthron_AttemptState_End_ARRAYSIZE, err) ||
+        enum_check("verdict", (int)m->verdict, _arthron_AttemptState_Verdict_ARRAYSIZE, err))
+        return RESULT_FORMAT;
+    for (int i = 0; i < m->occurrences_count; i++)
+        if (m->occurrences[i].error >= m->errors_count)
+            return fail(err, RESULT_FORMAT, "occurrence %d: of no error of the task", i);
+    return isfinite(m->limit_s) && isfinite(m->pass_time_s)
+               ? RESULT_OK
+               : fail(err, RESULT_FORMAT, "a time is no number");
+}
+
 static enum result control_check(arthron_Control *m, struct error *err) {
     switch (m->which_message) {
     case arthron_Control_hello_tag:
@@ -239,6 +253,8 @@ static enum result control_check(arthron_Control *m, struct error *err) {
                           err);
     case arthron_Control_session_change_tag:
         return change_check(&m->message.session_change, err);
+    case arthron_Control_attempt_tag:
+        return attempt_check(&m->message.attempt, err);
     case arthron_Control_refusal_tag:
         // A reason of a later version is still a refusal.
         if ((unsigned)m->message.refusal.reason >= _arthron_Refusal_Reason_ARRAYSIZE)
@@ -259,7 +275,10 @@ static enum result reading_check(const arthron_JointReading *m, struct error *er
 }
 
 static enum result command_check(const arthron_Command *m, struct error *err) {
-    if (enum_check("kind", (int)m->kind, _arthron_Command_Kind_ARRAYSIZE, err) != RESULT_OK)
+    if (enum_check("kind", (int)m->kind, _arthron_Command_Kind_ARRAYSIZE, err) != RESULT_OK ||
+        enum_check("purpose", (int)m->purpose, _arthron_AttemptState_Purpose_ARRAYSIZE, err) !=
+            RESULT_OK ||
+        enum_check("hand", (int)m->hand, _arthron_AttemptState_Hand_ARRAYSIZE, err) != RESULT_OK)
         return RESULT_FORMAT;
     return enum_check("remark: body", (int)m->remark.body, _arthron_Body_ARRAYSIZE, err);
 }

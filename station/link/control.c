@@ -245,6 +245,7 @@ static int hear_welcomed(struct link *link, const arthron_Control *message, int6
         lws_callback_on_writable(link->control.socket); // others may go now
         return 0;
     case arthron_Control_resection_tag:
+    case arthron_Control_attempt_tag:
         return 0; // figures for a view
     default:
         log_warning("link", "the server sent a message that only a station may send");

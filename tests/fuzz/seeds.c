@@ -112,6 +112,18 @@ static void messages(void) {
     CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
     seed("control", "marker", data, used);
 
+    control = (arthron_Control){.which_message = arthron_Control_attempt_tag,
+                                .message.attempt = {.number = 1,
+                                                    .task = "look",
+                                                    .goals_count = 1,
+                                                    .goals = {{"notch", true, 5}},
+                                                    .errors_count = 1,
+                                                    .errors = {{"deep", 1, true}},
+                                                    .occurrences_count = 1,
+                                                    .end = arthron_AttemptState_End_SENTINEL}};
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "attempt", data, used);
+
     struct knee_frame knee = {.joint = {SIDE_LEFT, pose_identity(), pose_identity()},
                               .patella_count = 2};
     for (int i = 0; i < 2; i++)
@@ -385,6 +397,13 @@ static void seed_steps(const char *name, const struct instruments *instruments, 
     struct trace_writer *writer = begin_trace(file, instruments);
     memset(&output, 0, sizeof output);
     output.described = instruments->count - INSTRUMENTS_USUAL;
+    struct trace_attempt begun = {.number = 1,
+                                  .hand = ATTEMPT_LEFT_HAND,
+                                  .task = "look",
+                                  .pass_time_s = 9,
+                                  .size = 6,
+                                  .text = "[task]"};
+    CHECK(trace_append_begun(writer, &begun));
     for (uint64_t step = 1; step <= 3; step++) {
         input.kind = step == 1 ? INPUT_START : step == 2 ? INPUT_FRAME : INPUT_STOP;
         input.time_ns = output.time_ns = 5000000000 + (int64_t)step;
@@ -403,6 +422,12 @@ static void seed_steps(const char *name, const struct instruments *instruments, 
     CHECK(trace_append_remark(writer, &remark));
     struct marker marker = {1, 2, 5000000002, 1, "start", "pedal"};
     CHECK(trace_append_marker(writer, &marker));
+    struct trace_outcome ended = {.number = 1,
+                                  .end = ATTEMPT_LEFT,
+                                  .verdict = VERDICT_NOT_YET,
+                                  .first_step = 1,
+                                  .last_step = 3};
+    CHECK(trace_append_ended(writer, &ended));
     seed_trace(name, folder, writer);
 }
 

@@ -32,6 +32,8 @@ static void read_all(const char *path) {
     while ((result = trace_read(reader, &record, &err)) == RESULT_OK) {
         CHECK(record.type != TRACE_REMARK || remark_is_valid(&record.remark));
         CHECK(record.type != TRACE_MARKER || marker_is_valid(&record.marker));
+        CHECK(record.type != TRACE_BEGUN || trace_attempt_is_valid(&record.begun));
+        CHECK(record.type != TRACE_ENDED || trace_outcome_is_valid(&record.ended));
         if (record.type != TRACE_STEP && record.type != TRACE_PAST)
             continue;
         CHECK(record.input.time_ns >= time_ns);

@@ -67,7 +67,7 @@ static void finish_note(void *data, bool done) {
 static bool add(struct task_pool *pool, struct note *note, uint64_t key, bool urgent) {
     return task_pool_add(
         pool,
-        &(struct task){
+        &(struct pool_task){
             .key = key, .urgent = urgent, .run = run_note, .finish = finish_note, .data = note});
 }
 
@@ -189,7 +189,7 @@ static void *give_steps(void *argument) {
     for (int i = 0; i < EACH; i++) {
         struct step *step = alloc(1, sizeof *step);
         *step = (struct step){giver->lane, i};
-        struct task task = {.key = giver->key,
+        struct pool_task task = {.key = giver->key,
                             .urgent = i & 1,
                             .run = run_step,
                             .finish = finish_step,
@@ -371,7 +371,7 @@ static void threads_have_their_priority_and_take_no_signals(void **state) {
     int before = getpriority(PRIO_PROCESS, (id_t)gettid());
     struct task_pool *pool =
         task_pool_create(&(struct task_pool_settings){.threads = 1, .tasks_max = 1, .nice = 19});
-    assert_true(task_pool_add(pool, &(struct task){.run = look_around, .data = &look}));
+    assert_true(task_pool_add(pool, &(struct pool_task){.run = look_around, .data = &look}));
     task_pool_drain(pool);
     task_pool_destroy(&pool);
     assert_int_equal(look.nice, 19);

@@ -159,6 +159,32 @@ void make_knee(struct knee_frame *out) {
         out->patella[i] = (struct patella_key){2 * i - 10, random_pose(&random, 50)};
 }
 
+static void fill_attempt(arthron_AttemptState *out) {
+    *out = (arthron_AttemptState){.number = 3,
+                                  .task = "probe-in-order",
+                                  .version = 2,
+                                  .title = "Probing in order",
+                                  .purpose = arthron_AttemptState_Purpose_EXAM,
+                                  .hand = arthron_AttemptState_Hand_LEFT_HAND,
+                                  .begun_step = 700,
+                                  .last_step = 800,
+                                  .time_ns = 12000000000,
+                                  .limit_s = 300,
+                                  .goals_count = 24,
+                                  .errors_count = 12,
+                                  .occurrences_count = 64,
+                                  .end = arthron_AttemptState_End_DONE,
+                                  .verdict = arthron_AttemptState_Verdict_PASSED,
+                                  .pass_time_s = 95,
+                                  .pass_errors = 1};
+    for (int i = 0; i < 24; i++)
+        out->goals[i] = (arthron_AttemptGoal){"a-goal", i < 3, i};
+    for (int i = 0; i < 12; i++)
+        out->errors[i] = (arthron_AttemptError){"an-error", 7, i == 0};
+    for (int i = 0; i < 64; i++)
+        out->occurrences[i] = (arthron_AttemptOccurrence){(uint32_t)i % 12, 2, 750, 9};
+}
+
 void fill_control(int which, arthron_Control *out) {
     struct random random = {3};
     memset(out, 0, sizeof *out);
@@ -214,6 +240,9 @@ void fill_control(int which, arthron_Control *out) {
         break;
     case arthron_Control_marker_tag:
         out->message.marker = (arthron_Marker){UINT64_MAX, 77, "trial.start", "Gerät 1", -2.5};
+        break;
+    case arthron_Control_attempt_tag:
+        fill_attempt(&out->message.attempt);
         break;
     case arthron_Control_marker_ack_tag:
         out->message.marker_ack.number = UINT64_MAX;

@@ -1,0 +1,93 @@
+#include "judging/judging.h"
+
+#include "trace/player.h"
+
+#include <stdio.h>
+#include <string.h>
+
+struct judging {
+    const struct trace_header *header;
+    const struct scene *scene;
+    const struct attempt_taker *taker;
+    bool runs;
+    struct trace_attempt begun;
+    struct task task;
+    struct site *site;
+    struct attempt attempt;
+    enum result result;
+    struct error *err;
+};
+
+static bool is_as_recorded(const struct attempt *a, enum verdict verdict,
+                           const struct trace_outcome *o) {
+    return a->end == o->end && verdict == o->verdict && a->goals_met == (int64_t)o->goals_met &&
+           a->errors == (int64_t)o->errors && a->first_step == o->first_step &&
+           a->last_step == o->last_step && a->running_ns == o->time_ns;
+}
+
+static void tell(struct judging *j, const struct trace_outcome *ended) {
+    struct judged_attempt judged = {
+        .begun = &j->begun, .task = &j->task, .attempt = j->attempt, .ended = ended};
+    judged.verdict =
+        attempt_verdict_by(&j->attempt, j->begun.pass_time_s, (int)j->begun.pass_errors);
+    judged.is_same = !ended || is_as_recorded(&j->attempt, judged.verdict, ended);
+    j->taker->take(j->taker->user, &judged);
+    j->runs = false;
+    site_destroy(&j->site);
+}
+
+static bool on_begun(void *user, const struct trace_attempt *begun) {
+    struct judging *j = user;
+    char name[TASK_NAME_MAX + 8];
+    if (j->runs) // its end is lost
+        tell(j, NULL);
+    j->begun = *begun;
+    snprintf(name, sizeof name, "%s.ini", begun->task);
+    enum result result = task_parse(name, begun->text, begun->size, &j->task, j->err);
+    j->begun.text = NULL;
+    if (result == RESULT_OK)
+        result = site_create(&j->task, j->scene, &j->header->settings.instruments,
+                             &j->header->optic, &j->site, j->err);
+    if (result != RESULT_OK)
+        j->result = fail_in(j->err, RESULT_REFUSED, "attempt %u: ", begun->number);
+    j->runs = result == RESULT_OK;
+    attempt_init(&j->attempt);
+    return j->runs;
+}
+
+static bool on_step(void *user, const struct trace_record *record) {
+    struct judging *j = user;
+    if (j->runs)
+        attempt_take(&j->attempt, j->site, record->input.kind, &record->output);
+    return true;
+}
+
+static bool on_ended(void *user, const struct trace_outcome *ended) {
+    struct judging *j = user;
+    if (!j->runs)
+        return true;
+    if (ended->end == ATTEMPT_LEFT)
+        attempt_leave(&j->attempt);
+    tell(j, ended);
+    return true;
+}
+
+enum result judge_trace(struct trace_reader *reader, const struct scene *scene,
+                        const struct attempt_taker *taker, struct error *err) {
+    struct judging j = {.header = trace_reader_header(reader),
+                        .scene = scene,
+                        .taker = taker,
+                        .result = RESULT_OK,
+                        .err = err};
+    struct trace_player player = {.user = &j,
+                                  .step = on_step,
+                                  .begun = on_begun,
+                                  .ended = on_ended,
+                                  .progress = taker->progress};
+    trace_reader_bind(reader, scene);
+    enum result end = trace_play(reader, &player, err);
+    if (j.runs)
+        tell(&j, NULL);
+    site_destroy(&j.site);
+    return j.result == RESULT_OK ? end : j.result;
+}

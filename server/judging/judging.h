@@ -1,0 +1,26 @@
+// The attempts that a trace holds, judged again from its recorded outputs. A trace has each task's
+// file, so it needs no other file but the case.
+#pragma once
+
+#include "task/attempt.h"
+#include "trace/trace.h"
+
+struct judged_attempt {
+    const struct trace_attempt *begun; // as recorded; without its text
+    const struct task *task;           // from the recorded file
+    struct attempt attempt;            // at its end, or at the end of the trace
+    enum verdict verdict;              // by the recorded pass mark
+    const struct trace_outcome *ended; // as recorded; NULL: the trace ends, or is damaged, before
+    bool is_same; // as recorded, each number of it; of one without an end: true
+};
+
+struct attempt_taker {
+    void *user;
+    void (*take)(void *user, const struct judged_attempt *attempt); // each, in order
+    void (*progress)(uint64_t done, uint64_t all);                  // or NULL
+};
+
+// From the reader's place on; the scene is of the trace's case. RESULT_CLOSED: to the trace's end.
+// RESULT_REFUSED: a task is none, or cannot be done on the case. Else as trace_read.
+enum result judge_trace(struct trace_reader *reader, const struct scene *scene,
+                        const struct attempt_taker *taker, struct error *err);

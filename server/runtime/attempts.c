@@ -1,0 +1,112 @@
+#include "runtime/attempts.h"
+
+#include "base/check.h"
+#include "runtime/attempt_state.h"
+#include "runtime/stepping.h"
+
+// ---- what others learn --------------------------------------------------------------------------
+
+void attempts_announce(struct worker *worker, const struct station_runtime *station) {
+    if (!station->connection.connected || !station->connection.clock_known ||
+        !station->attempt_shown.state.number)
+        return;
+    arthron_Control message = {.which_message = arthron_Control_attempt_tag};
+    message.message.attempt = station->attempt_shown.state;
+    attempt_state_withhold(&message.message.attempt);
+    control_send(*worker->runtime->config.control, station->connection.peer, &message);
+}
+
+static void tell(struct worker *worker, struct station_runtime *station) {
+    struct live_attempt *shown = &station->attempt_shown;
+    shown->session = station->session->serial;
+    shown->news++;
+    attempt_state(station->session->attempt, &shown->state);
+    newest_put(station->attempts, shown);
+    attempts_announce(worker, station);
+}
+
+static void give_back(struct worker *worker, const struct station_runtime *station,
+                      struct session_attempt *attempt) {
+    worker_notify(worker, &(struct runtime_notice){.kind = NOTICE_ATTEMPT,
+                                                   .station = station->index,
+                                                   .attempt = attempt});
+}
+
+// ---- begin and end ------------------------------------------------------------------------------
+
+// False where the trace has no room now: then the next step tries again, unless it was the last.
+static bool end(struct worker *worker, struct station_runtime *station, bool last) {
+    struct session_attempt *attempt = station->session->attempt;
+    struct trace_outcome outcome;
+    attempt_outcome(attempt, &outcome);
+    if (!trace_append_ended(station->session->trace, &outcome) && !last)
+        return false;
+    tell(worker, station);
+    station->session->attempt = NULL;
+    give_back(worker, station, attempt);
+    return true;
+}
+
+void attempts_begin(struct worker *worker, struct station_runtime *station) {
+    struct session_attempt *attempt = station->session->attempt;
+    station->attempt_shown = (struct live_attempt){.session = station->session->serial,
+                                                   .news = station->attempt_shown.news + 1};
+    newest_put(station->attempts, &station->attempt_shown);
+    if (!attempt)
+        return;
+    tell(worker, station);
+    if (attempt->attempt.end != ATTEMPT_RUNS) // the server was killed before it could say so
+        end(worker, station, false);
+}
+
+static bool begin(struct worker *worker, struct station_runtime *station,
+                  struct session_attempt *attempt) {
+    struct session_runtime *session = station->session;
+    struct trace_attempt begun;
+    if (!session || session->serial != attempt->session || session->attempt || station->ending ||
+        !trace_takes_attempts(session->trace))
+        return false;
+    attempt->number = session->attempts + 1;
+    attempt->begun_ns = step_now_ns(station) - session->snapshots.start_ns;
+    attempt_init(&attempt->attempt);
+    attempt_begun(attempt, &begun);
+    if (!trace_append_begun(session->trace, &begun))
+        return false;
+    session->attempts++;
+    session->attempt = attempt;
+    tell(worker, station);
+    return true;
+}
+
+bool attempts_take(struct worker *worker, struct station_runtime *station,
+                   struct session_attempt *attempt) {
+    bool taken = begin(worker, station, attempt);
+    if (!taken)
+        give_back(worker, station, attempt);
+    return taken;
+}
+
+bool attempts_leave(struct worker *worker, struct station_runtime *station) {
+    struct session_attempt *attempt = station->session ? station->session->attempt : NULL;
+    if (!attempt || attempt->attempt.end != ATTEMPT_RUNS)
+        return false;
+    attempt_leave(&attempt->attempt);
+    end(worker, station, false);
+    return true;
+}
+
+// ---- steps --------------------------------------------------------------------------------------
+
+void attempts_step(struct worker *worker, struct station_runtime *station,
+                   const struct session_input *input, const struct session_output *output) {
+    struct session_attempt *attempt = station->session->attempt;
+    if (!attempt)
+        return;
+    bool is_first = !attempt->attempt.first_step;
+    struct attempt_news news =
+        attempt_take(&attempt->attempt, shared_site_site(attempt->site), input->kind, output);
+    if (attempt->attempt.end != ATTEMPT_RUNS)
+        end(worker, station, output->state == SESSION_CLOSED);
+    else if (news.goals_met || news.errors || is_first)
+        tell(worker, station);
+}

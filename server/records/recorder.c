@@ -5,43 +5,33 @@
 #include "base/log.h"
 #include "records/audit_seal.h"
 #include "records/audit_spool.h"
+#include "records/scoring.h"
 #include "records/unrecorded.h"
+#include "records/waiting.h"
 
 #include <errno.h>
 #include <pthread.h>
-#include <sched.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
+#include <sys/resource.h>
 #include <time.h>
 
 #define LIVE_MAX 256
 #define SIGN_NS (60 * NS_PER_S)
-#define AT_THE_END_BYTES (64 << 20) // of a trace that is still read when the server ends
-
-struct waiting {
-    struct waiting *next;
-    bool is_audit;
-    struct attempt_row *attempt; // own, as it is large; NULL: a session or an entry
-    union {
-        struct store_session session;
-        struct store_audit_entry entry;
-    };
-};
+#define NICE 5 // workers go first
 
 struct recorder {
     char *records, *traces_dir, *authority;
-    scene_finder find;
-    void *user;
     struct trace_signer signer;
     int64_t start_utc_ns;
+    struct scoring *scoring;
     pthread_t thread;
     pthread_mutex_t mutex; // of all below
     pthread_cond_t wake;
-    struct waiting *first, **end;
+    struct waiting_list waiting;
     struct store_session live[LIVE_MAX]; // sessions that go on; without a trace: a free place
     bool stop;
     atomic_bool spool_is_read; // else nothing replaces it
@@ -70,37 +60,35 @@ static void note_live(struct recorder *r, const struct store_session *session) {
         *place = *session;
 }
 
-// With the mutex.
-static void append(struct recorder *r, const struct waiting *from) {
-    struct waiting *waiting = alloc(1, sizeof *waiting);
-    *waiting = *from;
-    *r->end = waiting;
-    r->end = &waiting->next;
+static void put(struct recorder *r, const struct waiting *waiting) {
+    pthread_mutex_lock(&r->mutex);
+    if (waiting->kind == WAITING_ROW)
+        note_live(r, &waiting->row);
+    waiting_append(&r->waiting, waiting);
+    pthread_cond_signal(&r->wake);
+    pthread_mutex_unlock(&r->mutex);
 }
 
 void recorder_put(struct recorder *r, const struct store_session *session) {
-    if (!r)
-        return;
-    pthread_mutex_lock(&r->mutex);
-    note_live(r, session);
-    append(r, &(struct waiting){.session = *session});
-    pthread_cond_signal(&r->wake);
-    pthread_mutex_unlock(&r->mutex);
+    if (r)
+        put(r, &(struct waiting){.kind = WAITING_ROW, .row = *session});
+}
+
+static void put_score(void *recorder, const struct session_score *score) {
+    put(recorder, &(struct waiting){.kind = WAITING_SCORE, .score = *score});
 }
 
 void recorder_attempt(struct recorder *r, const struct attempt_row *attempt) {
+    struct attempt_row *copy;
     if (!r)
         return;
-    struct attempt_row *copy = alloc(1, sizeof *copy);
+    copy = alloc(1, sizeof *copy);
     *copy = *attempt;
-    pthread_mutex_lock(&r->mutex);
-    append(r, &(struct waiting){.attempt = copy});
-    pthread_cond_signal(&r->wake);
-    pthread_mutex_unlock(&r->mutex);
+    put(r, &(struct waiting){.kind = WAITING_ATTEMPT, .attempt = copy});
 }
 
 void recorder_note(struct recorder *r, const char *actor, const char *action, const char *subject) {
-    struct waiting waiting = {.is_audit = true};
+    struct waiting waiting = {.kind = WAITING_ENTRY};
     struct store_audit_entry *entry = &waiting.entry;
     if (!r)
         return;
@@ -108,37 +96,30 @@ void recorder_note(struct recorder *r, const char *actor, const char *action, co
     snprintf(entry->actor, sizeof entry->actor, "%s", *actor ? actor : RECORDER_ACTOR);
     snprintf(entry->action, sizeof entry->action, "%s", action);
     snprintf(entry->subject, sizeof entry->subject, "%s", subject);
-    pthread_mutex_lock(&r->mutex);
-    append(r, &waiting);
-    pthread_cond_signal(&r->wake);
-    pthread_mutex_unlock(&r->mutex);
+    put(r, &waiting);
 }
 
 static void put_live_again(struct recorder *r) {
     pthread_mutex_lock(&r->mutex);
     for (int i = 0; i < LIVE_MAX; i++)
         if (r->live[i].trace[0])
-            append(r, &(struct waiting){.session = r->live[i]});
+            waiting_append(&r->waiting, &(struct waiting){.kind = WAITING_ROW, .row = r->live[i]});
     pthread_mutex_unlock(&r->mutex);
 }
 
 // Only the recorder's thread takes away, so the first stays the first meanwhile.
 static struct waiting *first_waiting(struct recorder *r) {
     pthread_mutex_lock(&r->mutex);
-    struct waiting *first = r->first;
+    struct waiting *first = r->waiting.first;
     pthread_mutex_unlock(&r->mutex);
     return first;
 }
 
 static void drop_first(struct recorder *r) {
     pthread_mutex_lock(&r->mutex);
-    struct waiting *first = r->first;
-    r->first = first->next;
-    if (!r->first)
-        r->end = &r->first;
+    struct waiting *first = waiting_take(&r->waiting);
     pthread_mutex_unlock(&r->mutex);
-    free(first->attempt);
-    free(first);
+    waiting_free(first);
 }
 
 static bool should_stop(struct recorder *r) {
@@ -231,29 +212,6 @@ static enum result write_attempt(struct recorder *r, const struct attempt_row *a
     return result;
 }
 
-static bool may_read(struct recorder *r, const char *trace) {
-    struct stat status;
-    return !should_stop(r) || (stat(trace, &status) == 0 && status.st_size < AT_THE_END_BYTES);
-}
-
-// Adds to the row what the trace contains.
-static enum result write_score(struct recorder *r, const struct store_session *session,
-                               struct error *err) {
-    struct session_score score;
-    bool removed;
-    if (!session->end_utc_ns || !may_read(r, session->trace))
-        return RESULT_OK;
-    if (session_score_trace(session->trace, r->authority, r->find, r->user, &score, err) !=
-        RESULT_OK) {
-        log_error("records", "%s; the records get neither hash nor results of the session",
-                  err->text);
-        return RESULT_OK;
-    }
-    enum result result = write_row(r, &score, &removed, err);
-    session_score_fini(&score);
-    return result;
-}
-
 static enum result write_session(struct recorder *r, const struct store_session *session,
                                  struct error *err) {
     const struct session_score row = {.session = *session};
@@ -262,15 +220,24 @@ static enum result write_session(struct recorder *r, const struct store_session 
     if (result != RESULT_OK)
         return result;
     tell_success(r);
-    return removed ? RESULT_OK : write_score(r, session, err);
+    if (!removed && session->end_utc_ns && r->scoring)
+        scoring_put(r->scoring, session);
+    return RESULT_OK;
 }
 
-static enum result write_waiting(struct recorder *r, const struct waiting *waiting,
-                                 struct error *err) {
-    if (waiting->attempt)
+static enum result write_one(struct recorder *r, const struct waiting *waiting, struct error *err) {
+    bool removed;
+    switch (waiting->kind) {
+    case WAITING_ROW:
+        return write_session(r, &waiting->row, err);
+    case WAITING_ENTRY:
+        return write_audit(r, &waiting->entry, err);
+    case WAITING_ATTEMPT:
         return write_attempt(r, waiting->attempt, err);
-    return waiting->is_audit ? write_audit(r, &waiting->entry, err)
-                             : write_session(r, &waiting->session, err);
+    case WAITING_SCORE:
+        return write_row(r, &waiting->score, &removed, err);
+    }
+    return RESULT_OK;
 }
 
 // False if the rest has to wait.
@@ -278,7 +245,7 @@ static bool write_all(struct recorder *r) {
     struct waiting *first;
     while ((first = first_waiting(r))) {
         struct error err;
-        if (write_waiting(r, first, &err) != RESULT_OK) {
+        if (write_one(r, first, &err) != RESULT_OK) {
             tell_failure(r, &err);
             return false;
         }
@@ -354,48 +321,27 @@ static bool take_over(struct recorder *r) {
 
 // ---- the spool ----------------------------------------------------------------------------------
 
-struct spooled {
-    struct waiting *first, *last;
-};
-
-static void take_spooled(void *user, const struct store_audit_entry *entry) {
-    struct spooled *spooled = user;
-    struct waiting *waiting = alloc(1, sizeof *waiting);
-    waiting->is_audit = true;
-    waiting->entry = *entry;
-    *(spooled->last ? &spooled->last->next : &spooled->first) = waiting;
-    spooled->last = waiting;
+static void take_spooled(void *list, const struct store_audit_entry *entry) {
+    waiting_append(list, &(struct waiting){.kind = WAITING_ENTRY, .entry = *entry});
 }
 
-static void put_before_all(struct recorder *r, const struct spooled *spooled) {
-    if (!spooled->first)
-        return;
+static void put_before_all(struct recorder *r, struct waiting_list *spooled) {
     pthread_mutex_lock(&r->mutex);
-    spooled->last->next = r->first;
-    if (!r->first)
-        r->end = &spooled->last->next;
-    r->first = spooled->first;
+    waiting_put_before(&r->waiting, spooled);
     pthread_mutex_unlock(&r->mutex);
-}
-
-static void drop_all(struct spooled *spooled) {
-    for (struct waiting *next; spooled->first; spooled->first = next) {
-        next = spooled->first->next;
-        free(spooled->first);
-    }
 }
 
 // What an earlier server could not write. All of it or nothing: where it cannot be read, the thread
 // tries again.
 static void read_spool(struct recorder *r) {
-    struct spooled spooled = {0};
+    struct waiting_list spooled = {0};
     struct error err;
     if (audit_spool_read(r->records, take_spooled, &spooled, &r->spooled, &err) == RESULT_OK) {
         put_before_all(r, &spooled);
         atomic_store(&r->spool_is_read, true);
         return;
     }
-    drop_all(&spooled);
+    waiting_clear(&spooled);
     r->spooled = 0;
     tell_failure(r, &err);
 }
@@ -408,14 +354,14 @@ static void wait_for_work(struct recorder *r, bool again) {
     struct timespec when = {when_ns / NS_PER_S, when_ns % NS_PER_S};
     int code = 0;
     pthread_mutex_lock(&r->mutex);
-    while (!r->stop && (again || !r->first) && code != ETIMEDOUT)
+    while (!r->stop && (again || !r->waiting.first) && code != ETIMEDOUT)
         code = pthread_cond_timedwait(&r->wake, &r->mutex, &when);
     pthread_mutex_unlock(&r->mutex);
 }
 
 static const struct store_audit_entry *next_entry(void *user) {
     struct waiting **at = user;
-    while (*at && !(*at)->is_audit)
+    while (*at && (*at)->kind != WAITING_ENTRY)
         *at = (*at)->next;
     const struct waiting *found = *at;
     *at = found ? found->next : NULL;
@@ -433,7 +379,7 @@ static void leave_the_rest(struct recorder *r) {
     size_t sessions = 0, attempts = 0, count = 0;
     struct waiting *first = first_waiting(r), *at = first;
     for (const struct waiting *w = first; w; w = w->next)
-        w->is_audit ? count++ : w->attempt ? attempts++ : sessions++;
+        w->kind == WAITING_ENTRY ? count++ : w->kind == WAITING_ATTEMPT ? attempts++ : sessions++;
     log_error(
         "records",
         "%s: %zu sessions, %zu attempts and %zu audit entries are not written: the next start "
@@ -456,9 +402,9 @@ void recorder_write_last(struct recorder *r) {
     int64_t end_ns = clock_now_ns() + LAST_PATIENCE_NS;
     struct timespec when = {end_ns / NS_PER_S, end_ns % NS_PER_S};
     bool locked = pthread_mutex_clocklock(&r->mutex, CLOCK_MONOTONIC, &when) == 0;
-    struct waiting *at = r->first;
+    struct waiting *at = r->waiting.first;
     const struct waiting *look = at;
-    while (look && !look->is_audit)
+    while (look && look->kind != WAITING_ENTRY)
         look = look->next;
     if (look)
         write_spool(r, &at, &err);
@@ -466,10 +412,17 @@ void recorder_write_last(struct recorder *r) {
         pthread_mutex_unlock(&r->mutex);
 }
 
+// The rows first, then the scores of those that had still to be read.
+static bool write_the_rest(struct recorder *r) {
+    scoring_hurry(r->scoring);
+    bool wrote = write_all(r);
+    scoring_stop(&r->scoring);
+    return wrote && write_all(r);
+}
+
 static void *run(void *argument) {
     struct recorder *r = argument;
-    struct sched_param none = {0};
-    sched_setscheduler(0, SCHED_IDLE, &none);
+    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread
     while (!should_stop(r)) {
         notice_exchange(r);
         if (!atomic_load(&r->spool_is_read))
@@ -481,7 +434,7 @@ static void *run(void *argument) {
             look_at_audit(r, r->signed_ns < 0);
         wait_for_work(r, !wrote || !r->took_over);
     }
-    if (!write_all(r))
+    if (!write_the_rest(r))
         leave_the_rest(r);
     look_at_audit(r, true);
     return NULL;
@@ -492,12 +445,9 @@ struct recorder *recorder_start(const struct recorder_config *config) {
     r->records = alloc_text(config->records);
     r->traces_dir = alloc_text(config->traces_dir);
     r->authority = alloc_text(config->authority);
-    r->find = config->find;
-    r->user = config->user;
     r->signer = config->signer;
     r->signed_ns = -SIGN_NS;
     r->start_utc_ns = clock_utc_ns();
-    r->end = &r->first;
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
@@ -508,6 +458,11 @@ struct recorder *recorder_start(const struct recorder_config *config) {
     sigset_t all, before; // a file size limit then is an error like a full disk
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
+    r->scoring = scoring_start(&(struct scoring_config){.authority = r->authority,
+                                                        .find = config->find,
+                                                        .user = config->user,
+                                                        .scored = put_score,
+                                                        .owner = r});
     int failed = pthread_create(&r->thread, NULL, run, r);
     NEED(!failed, "thread");
     pthread_sigmask(SIG_SETMASK, &before, NULL);
@@ -524,8 +479,7 @@ void recorder_stop(struct recorder **recorder) {
     pthread_mutex_unlock(&r->mutex);
     pthread_join(r->thread, NULL);
     *recorder = NULL; // recorder_write_last has nothing to say from here on
-    while (r->first)
-        drop_first(r);
+    waiting_clear(&r->waiting);
     pthread_cond_destroy(&r->wake);
     pthread_mutex_destroy(&r->mutex);
     free(r->records);

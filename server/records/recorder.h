@@ -1,11 +1,12 @@
 // The recorder: a thread that writes sessions, attempts and audit entries into the records (store),
 // so that no step and no command waits for a database.
 //
-// When a session has ended, the recorder writes its row at once. Then it reads the trace for its
-// hash and metrics. If the database cannot be written (locked, damaged, full disk), the log says
-// so, everything waits in order, and the recorder tries again. Sessions that still wait when the
-// server ends come from their traces at the next start. Audit entries, which no trace contains,
-// come from a file beside the records (audit_spool.h).
+// When a session begins or has ended, the recorder writes its row at once. Another thread then
+// reads the trace for its hash and metrics (scoring.h), and no row waits for it. If the database
+// cannot be written (locked, damaged, full disk), the log says so, everything waits in order, and
+// the recorder tries again. Sessions that still wait when the server ends come from their traces at
+// the next start. Audit entries, which no trace contains, come from a file beside the records
+// (audit_spool.h).
 #pragma once
 
 #include "records/session_row.h"
@@ -18,7 +19,7 @@ struct recorder_config {
     const char *records;    // the database; made if it does not exist
     const char *traces_dir; // of all traces of this server
     const char *authority;  // a PEM file: only traces signed under it give results
-    scene_finder find;      // called from the recorder's thread
+    scene_finder find;      // called from the scoring thread
     void *user;
     struct trace_signer signer; // of the audit log, each minute; sign NULL: it stays unsigned
 };

@@ -1,6 +1,6 @@
 // What the recorder makes of a trace that was closed as the server ends (a small one is read before
-// it goes, a large one when it is back), of one that others wrote, and of records that are
-// replaced.
+// it goes, a large one when it is back), of a session that begins meanwhile, of a trace that others
+// wrote, and of records that are replaced.
 #include "records/recorder.h"
 
 #include "folder.h"
@@ -14,6 +14,7 @@
 #include <libgen.h>
 #include <pthread.h>
 #include <sqlite3.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -50,13 +51,17 @@ static uint64_t write_bytes_of_trace(uint64_t bytes) {
     return count;
 }
 
-static struct recorder *start(void) {
+static struct recorder *start_with(scene_finder find) {
     char copy[sizeof path];
     const struct recorder_config config = {.records = store_path,
                                            .traces_dir = dirname(strcpy(copy, path)),
                                            .authority = authority,
-                                           .find = no_scene};
+                                           .find = find};
     return recorder_start(&config);
+}
+
+static struct recorder *start(void) {
+    return start_with(no_scene);
 }
 
 static void *unlock_later(void *lock) {
@@ -119,6 +124,46 @@ static void a_small_one_is_read_before_the_server_is_gone(void **state) {
     end_with_the_server();
     assert_true(is_read());
     assert_recorded(steps);
+}
+
+static atomic_bool may_go_on;
+
+static const struct scene *no_scene_for_long(void *user, uint64_t case_hash) {
+    while (!atomic_load(&may_go_on))
+        usleep(1000);
+    return no_scene(user, case_hash);
+}
+
+static int rows_in_the_records(void) {
+    struct store *store = open_records();
+    int count = row_count(store, LIST_SESSIONS);
+    store_close(&store);
+    return count;
+}
+
+// The list of sessions has one that has begun, however long the traces of others take.
+static void a_session_that_begins_is_there_while_a_trace_is_read(void **state) {
+    (void)state;
+    struct trace_header header = some_header();
+    struct store_session ended, begun = a_session(2);
+    write_bytes_of_trace(1);
+    session_row_begin(&header, path, &ended);
+    ended.state = STATE_CLOSED;
+    ended.end_utc_ns = ended.start_utc_ns + 1;
+    begun.state = STATE_OPEN;
+    begun.end_utc_ns = 0;
+    struct recorder *recorder = start_with(no_scene_for_long);
+    recorder_put(recorder, &ended);
+    recorder_put(recorder, &begun);
+    for (int i = 0; i < 250 && rows_in_the_records() < 2; i++)
+        usleep(20000);
+    int rows = rows_in_the_records();
+    bool read = is_read();
+    atomic_store(&may_go_on, true);
+    recorder_stop(&recorder);
+    assert_int_equal(rows, 2);
+    assert_false(read);
+    assert_true(is_read());
 }
 
 static void a_large_one_is_read_when_the_server_is_back(void **state) {
@@ -374,6 +419,8 @@ static void actions_while_the_records_were_locked_are_recorded_later(void **stat
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_small_one_is_read_before_the_server_is_gone, begin, end),
+        cmocka_unit_test_setup_teardown(a_session_that_begins_is_there_while_a_trace_is_read, begin,
+                                        end),
         cmocka_unit_test_setup_teardown(a_session_that_was_removed_meanwhile_stays_removed, begin,
                                         end),
         cmocka_unit_test_setup_teardown(a_session_whose_trace_is_being_written_is_not_removed,

@@ -28,6 +28,7 @@ export class Testbed {
   views = {}; // port of the view of each equipped station
   mockups = {};
   stations = {};
+  #named = 0; // by newName
 
   static async open(source) {
     const testbed = new Testbed();
@@ -48,6 +49,11 @@ export class Testbed {
 
   path(...parts) {
     return join(this.folder, ...parts);
+  }
+
+  /** A name that no test had before, nor an attempt at this one. */
+  newName(stem) {
+    return `${stem}-${++this.#named}`;
   }
 
   get url() {
@@ -223,8 +229,13 @@ tool.scope = scope
     await this.enrol(name);
     if (STATIONS[name].far && !this.relay) await this.#startRelay();
     writeFileSync(this.path(`${name}.ini`), await this.#stationConfig(name));
-    const station = this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
+    const station = this.#startProgramOf(name);
     await station.said(/\/view\?token=/);
+    return station;
+  }
+
+  #startProgramOf(name) {
+    const station = this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
     this.stations[name] = station;
     void station.ended.then(() => delete this.stations[name]);
     return station;
@@ -233,9 +244,28 @@ tool.scope = scope
   /** The station, with its session running. */
   async runStation(name) {
     await this.startStation(name);
+    await this.#runs(name);
+  }
+
+  async #runs(name) {
     await until(`a session of ${name}`, async () => (await this.station(name)).connected);
     await this.session("start", name).catch(() => {}); // it runs already
-    return until(`${name} runs`, async () => (await this.station(name)).state === "running");
+    await until(`${name} runs`, async () => (await this.station(name)).state === "running");
+  }
+
+  /** A simulated station that no other test uses, with a session of `trainee` running; `work` with it, and then its end. */
+  async withOwnStation(name, trainee, work) {
+    await this.enrolled;
+    this.startSimulated(name, 1);
+    try {
+      await until(`${name} is there`, async () => (await this.station(name)).connected);
+      await this.session("assign", name, trainee);
+      await this.session("stop", name).catch(() => {}); // one that began before
+      await this.#runs(name);
+      await work();
+    } finally {
+      await this.stations[name]?.end();
+    }
   }
 
   /** A session of a station from its beginning until `enough` is done, and some seconds at least: {id, resection}. */
@@ -294,7 +324,7 @@ driver = simulated
 seed = ${seed}
 rate_hz = ${SIMULATED_HZ}
 `);
-    this.stations[name] = this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
+    this.#startProgramOf(name);
   }
 
   /** All 32 stations, with their sessions running. */

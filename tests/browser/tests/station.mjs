@@ -249,46 +249,66 @@ async function traineeOf({ browser, users }, name) {
   return page;
 }
 
-async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_is_not(world) {
-  const { testbed, browser } = world;
-  await testbed.runStation("room-1");
-  const dora = await traineeOf(world, "dora");
+const OWN = "sim-20"; // its case is arthrosis
+
+async function assign(page, trainee) {
+  await pressMore(page, "Trainee …");
+  await page.getByLabel("Trainee", { exact: true }).selectOption(trainee);
+  await press(page, "Assign");
+  await said(page, "Trainee: done");
+}
+
+async function a_trainee_is_told_that_a_session_is_anothers({ testbed, browser }, dora) {
   await dora.goto(`${browser.url}/#/station/room-99`);
   await dora.getByText("You have no session here").waitFor();
-  await dora.goto(`${browser.url}/#/station/room-1`);
+  await dora.goto(`${browser.url}/#/station/${OWN}`);
   await dora.getByText("You have no session here").waitFor();
   const since = performance.now();
   await browser.check(dora, "another's station");
   await browser.picture(dora, "station-of-another");
   assert.equal(await dora.getByRole("link", { name: "Wall" }).count(), 0);
-  assert.doesNotMatch(await dora.locator("body").innerText(), /anna|tear-radial|Waiting for/);
+  assert.doesNotMatch(await dora.locator("body").innerText(), /anna|arthrosis|Waiting for/);
   const { kinds } = browser.heard(dora);
   assert.deepEqual([kinds.session, kinds.moment, kinds.resection, kinds.place], [undefined, undefined, undefined, undefined]);
   await sleep(4000 - (performance.now() - since));
   assert.equal(await dora.locator(".link-sign").innerText(), "Live"); // nothing comes, and nothing is wrong
-  await dora.goto(`${browser.url}/#/scope/room-1`);
+  await dora.goto(`${browser.url}/#/scope/${OWN}`);
   await dora.getByText("You have no session here").waitFor();
-  await dora.goto(`${browser.url}/#/station/room-1`);
-  const admin = await open(world, "room-1");
-  await pressMore(admin, "Trainee …");
-  await admin.getByLabel("Trainee", { exact: true }).selectOption("dora");
-  await press(admin, "Assign");
-  await said(admin, "Trainee: done");
+  await dora.goto(`${browser.url}/#/station/${OWN}`);
+}
+
+async function a_trainee_sees_a_session_once_it_is_theirs(world, dora, name) {
+  const { testbed, browser, users } = world;
+  const admin = await browser.page(await browser.context(users.instructor), `#/station/${OWN}`);
+  await admin.locator("canvas.scene-canvas").waitFor();
+  await assign(admin, name);
   await press(admin, "Stop");
   await admin.locator("dialog").getByRole("button", { name: "Stop" }).click();
   await admin.locator(".state-badge", { hasText: "Closed" }).waitFor();
   await press(admin, "Start");
   await dora.locator(".state-badge", { hasText: "Running" }).waitFor();
-  await admin.getByText("dora · tear-radial").waitFor();
-  const hers = await admin.evaluate(async () => (await (await fetch("/api/v1/sessions?trainee=dora")).json()).sessions);
-  assert.deepEqual(hers.map(({ id }) => id), [(await testbed.station("room-1")).id]);
-  await pressMore(admin, "Trainee …");
-  await admin.getByLabel("Trainee", { exact: true }).selectOption("anna");
-  await press(admin, "Assign");
-  await said(admin, "Trainee: done");
-  await testbed.session("stop", "room-1");
-  await testbed.session("start", "room-1");
-  await dora.getByText("You have no session here").waitFor();
+  await admin.getByText(`${name} · arthrosis`).waitFor();
+  const { id } = await testbed.station(OWN);
+  const hers = () => admin.evaluate(async (trainee) => (await (await fetch(`/api/v1/sessions?trainee=${trainee}`)).json()).sessions, name);
+  const ids = await until("the records have it", async () => {
+    const rows = await hers();
+    return rows.length > 0 && rows.map((row) => row.id);
+  });
+  assert.deepEqual(ids, [id]);
+  await assign(admin, "anna");
+}
+
+async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_is_not(world) {
+  const { testbed } = world;
+  const name = testbed.newName("dora");
+  const dora = await traineeOf(world, name);
+  await testbed.withOwnStation(OWN, "anna", async () => {
+    await a_trainee_is_told_that_a_session_is_anothers(world, dora);
+    await a_trainee_sees_a_session_once_it_is_theirs(world, dora, name);
+    await testbed.session("stop", OWN);
+    await testbed.session("start", OWN);
+    await dora.getByText("You have no session here").waitFor();
+  });
 }
 
 export const tests = [

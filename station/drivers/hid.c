@@ -5,7 +5,8 @@
 //   port       where it is plugged in, as `arthron-station probe` prints it; any
 //   usage      PAGE USAGE of one of its collections, hexadecimal; any
 //   on_change  yes: while it says nothing its last values hold, as HID devices may do that report
-//              changes only; no: it reports all the time, and silence is a fault; yes
+//              changes only; it is asked for its values when it is opened; no: it reports all the
+//              time, and silence is a fault; yes
 //
 // and for each value a field of its input reports (drivers/hid_report.h):
 //   CHANNEL.opening  [REPORT:]BIT COUNT CLOSED OPEN [DEAD] [signed]
@@ -263,13 +264,40 @@ static enum result handle_create(const struct device_config *config, void **out_
 
 // ---- readings -----------------------------------------------------------------------------------
 
+static bool is_read(const struct hid_layout *layout, uint8_t report) {
+    const uint8_t zeros[1 + HID_REPORT_BYTES_MAX] = {report};
+    struct hid_state unused = {0};
+    uint32_t news;
+    return hid_report_read(layout, zeros, sizeof zeros, &unused, &news, NULL) == RESULT_OK && news;
+}
+
+// One that reports changes only would else be unknown until the first. Not every device answers.
+static void ask_for_state(struct handle_device *d) {
+    bool numbered = hid_layout_is_numbered(&d->layout);
+    for (int report = numbered; report <= (numbered ? UINT8_MAX : 0); report++) {
+        uint8_t bytes[1 + HID_REPORT_BYTES_MAX] = {
+            (uint8_t)report}; // its number first, in any case
+        uint32_t news;
+        if (!is_read(&d->layout, (uint8_t)report))
+            continue;
+        int size = hid_get_input_report(d->line, bytes, sizeof bytes);
+        if (size > 1)
+            hid_report_read(&d->layout, bytes + !numbered, (size_t)(size - !numbered), &d->state,
+                            &news, NULL);
+    }
+    d->state.has_count = false; // of an answer, which is none of the reports that are counted
+}
+
 static enum result handle_open(void *device, struct error *err) {
     struct handle_device *d = device;
     d->state = (struct hid_state){0};
     hid_stamps_begin(&d->stamps);
     for (int i = 0; i < d->layout.mark_count; i++)
         edge_begin(&d->edges[i]);
-    return hid_find(&d->identity, &d->line, err);
+    enum result result = hid_find(&d->identity, &d->line, err);
+    if (result == RESULT_OK && d->on_change)
+        ask_for_state(d);
+    return result;
 }
 
 static void handle_close(void *device) {

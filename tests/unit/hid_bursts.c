@@ -179,6 +179,7 @@ static struct played {
     char path[8];
     int queued;
     bool is_unplugged;
+    const uint8_t *held; // what it answers when it is asked; NULL: nothing
     uint8_t reports[PACK_MAX][REPORT_BYTES];
 } handles[2] = {{L"left", "left", .queued = 0}, {L"right", "right", .queued = 0}};
 
@@ -215,6 +216,15 @@ int hid_read_timeout(hid_device *device, unsigned char *out, size_t size, int mi
         return handle->is_unplugged ? -1 : 0;
     memcpy(out, handle->reports[0], REPORT_BYTES);
     memmove(handle->reports[0], handle->reports[1], (size_t)--handle->queued * REPORT_BYTES);
+    return REPORT_BYTES;
+}
+
+int hid_get_input_report(hid_device *device, unsigned char *data, size_t size) {
+    struct played *handle = (struct played *)device;
+    if (!handle->held || data[0] != handle->held[0])
+        return -1;
+    assert_true(size >= REPORT_BYTES);
+    memcpy(data, handle->held, REPORT_BYTES);
     return REPORT_BYTES;
 }
 
@@ -351,6 +361,44 @@ static void no_edge_of_a_burst_is_left_out_and_each_has_its_reports_time(void **
     driver->destroy(device);
 }
 
+// A pedal that reports changes only, and that nobody has touched since the station started.
+static void a_pedal_that_says_nothing_is_asked_how_it_is(void **state) {
+    (void)state;
+    static const uint8_t rest[REPORT_BYTES] = {1, 25, 0, 0},
+                         unnumbered[REPORT_BYTES] = {0, 0, 6, 0};
+    const struct device_option options[] = {{"vid", "1209"},
+                                            {"pid", "1"},
+                                            {"serial", "left"},
+                                            {"shaver.opening", "1:0 8 0 100"},
+                                            {"marker.start", "bit 1:8"},
+                                            {"shaver.buttons", "8 8"}};
+    const struct device_config pedal = {"pedal", options, 5};
+    struct device_option plain[] = {options[0], options[1], options[2], options[5]};
+    const struct device_config buttons = {"pedal", plain, 4};
+    struct device_outputs outputs = {0};
+    struct error err;
+    void *device;
+    handles[0].held = rest;
+    assert_int_equal(driver->create(&pedal, &device, &outputs, &err), RESULT_OK);
+    assert_int_equal(driver->open(device, &err), RESULT_OK);
+    struct device_reading reading = polled(device, RESULT_OK);
+    assert_int_equal(reading.count, 1);
+    assert_near(reading.samples[0].handle.opening, 0.25, 1e-9);
+    queue(&handles[0], 25, 1, 0);
+    assert_int_equal(polled(device, RESULT_OK).marker_count, 1); // the first press is an edge
+    driver->destroy(device);
+    handles[0].held = unnumbered;
+    outputs = (struct device_outputs){0};
+    assert_int_equal(driver->create(&buttons, &device, &outputs, &err), RESULT_OK);
+    assert_int_equal(driver->open(device, &err), RESULT_OK);
+    assert_int_equal(polled(device, RESULT_OK).samples[0].handle.buttons, 6);
+    handles[0].held = NULL; // and one that does not answer is as it was
+    driver->close(device);
+    assert_int_equal(driver->open(device, &err), RESULT_OK);
+    assert_int_equal(polled(device, RESULT_OK).count, 0);
+    driver->destroy(device);
+}
+
 static void what_a_handle_said_before_it_was_unplugged_is_read(void **state) {
     (void)state;
     void *device = opened("left", NULL);
@@ -400,6 +448,7 @@ int main(void) {
         cmocka_unit_test(no_report_of_a_burst_is_left_out),
         cmocka_unit_test(a_force_is_the_length_of_three_fields_without_what_they_say_at_rest),
         cmocka_unit_test(no_edge_of_a_burst_is_left_out_and_each_has_its_reports_time),
+        cmocka_unit_test(a_pedal_that_says_nothing_is_asked_how_it_is),
         cmocka_unit_test(what_a_handle_said_before_it_was_unplugged_is_read),
         cmocka_unit_test(of_more_reports_than_there_is_room_for_the_newest_are_read),
         cmocka_unit_test(a_counter_that_is_none_is_refused),

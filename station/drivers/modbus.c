@@ -11,6 +11,7 @@
 //   timeout_ms  longest wait for a reply, 1 to 2000; 50
 //   latency_ms  after this time no late reply can come any more, 1 to 10000; 500, over TCP 50
 //   sequence    the register that counts the slave's updates
+//   turn        counts after which the encoders of flexion, varus and internal begin anew; none
 //   registers   holding or input (functions 3 and 4); holding
 //   first_register  the number that the maker gives to the first register (drivers/modbus_value.h);
 //               0
@@ -206,7 +207,9 @@ static void set_value(const struct modbus_device *d, const struct modbus_named *
     struct joint_angles *j = &sample->joint;
     double *const joint[] = {&j->flexion_deg, &j->varus_deg, &j->internal_deg,
                              &j->shift_mm,    &j->drawer_mm, &j->distraction_mm};
-    if (v->what < MODBUS_JOINT_VALUES)
+    if (v->what < MODBUS_JOINT_ANGLES && d->settings.turn)
+        *joint[v->what] = remainder(number, v->in.scale * d->settings.turn);
+    else if (v->what < MODBUS_JOINT_VALUES)
         *joint[v->what] = number;
     else if (v->what == MODBUS_OPENING)
         sample->handle.opening = number < -opening_slack || number > 1 + opening_slack

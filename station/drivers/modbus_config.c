@@ -221,6 +221,8 @@ static enum result configure_registers(struct modbus_settings *s,
     enum result result =
         option_integer(config, "sequence", low, low + 65535, low - 1, &sequence, err);
     s->sequence = sequence - low;
+    if (result == RESULT_OK)
+        result = option_integer(config, "turn", 2, INT32_MAX, 0, &s->turn, err);
     return result == RESULT_OK ? read_order(s, config, err) : result;
 }
 
@@ -231,7 +233,7 @@ enum result modbus_configure(const struct device_config *config, struct modbus_s
         "slave",    "rate_hz",     "timeout_ms", "latency_ms", "registers", "first_register",
         "order",    "sequence",    "flexion",    "varus",      "internal",  "shift",
         "drawer",   "distraction", ".opening",   ".buttons",   ".force",    "zero.",
-        "marker.*", NULL};
+        "marker.*", "turn",        NULL};
     double rate_hz, latency_ms;
     *s = (struct modbus_settings){0};
     enum result result = options_check(config, keys, err);

@@ -9,6 +9,7 @@
 #include "drivers/options.h"
 
 #define MODBUS_JOINT_VALUES 6 // flexion, varus, internal, shift, drawer, distraction
+#define MODBUS_JOINT_ANGLES 3 // the first of them
 #define MODBUS_VALUES_MAX                                                                          \
     (MODBUS_JOINT_VALUES + 2 * INSTRUMENT_COUNT + FORCE_PARTS_MAX * (CHANNEL_COUNT - 1))
 
@@ -28,6 +29,7 @@ struct modbus_settings {
     struct modbus_request request; // one block, with all values
     int64_t period_ns, latency_ns;
     int sequence; // its address, -1: none
+    int turn;     // counts after which an encoder of an angle begins anew; 0: it does not
     int value_count;
     struct modbus_named {
         enum channel channel;

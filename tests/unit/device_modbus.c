@@ -349,6 +349,36 @@ static void registers_are_scaled_moved_and_signed_as_the_config_says(void **stat
     }
 }
 
+// An encoder of 12 bits whose word begins anew at 20 degrees.
+static void an_encoder_that_begins_anew_goes_on_counting(void **state) {
+    (void)state;
+    static const struct {
+        uint16_t word;
+        double flexion_deg;
+    } rows[] = {{4096 - 1024, 20 - 90}, {4095, 20 - 360.0 / 4096}, {0, 20}, {1024, 110}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct slave slave;
+        slave_start(&slave);
+        slave.mapping->tab_registers[2] = rows[i].word;
+        const struct device_option options[] = {{"serial", slave.path},
+                                                {"flexion", "2 0.087890625 20 u12"},
+                                                {"shift", "2 1 0 u12"},
+                                                {"turn", "4096"}};
+        struct device_config config = {"encoders", options, 4};
+        struct device_outputs outputs = {0};
+        struct device_reading r;
+        struct error err;
+        void *device;
+        assert_int_equal(RESULT_OK, driver->create(&config, &device, &outputs, &err));
+        assert_int_equal(RESULT_OK, driver->open(device, &err));
+        assert_int_equal(RESULT_OK, answered(device, &r, &err));
+        assert_near(r.samples[0].joint.flexion_deg, rows[i].flexion_deg, 1e-9);
+        assert_near(r.samples[0].joint.shift_mm, rows[i].word, 1e-9); // no angle
+        closed(device);
+        slave_stop(&slave);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(readings_answer_the_newest_request),
@@ -361,6 +391,7 @@ int main(void) {
         cmocka_unit_test(a_sequence_that_stands_still_is_no_new_reading),
         cmocka_unit_test(values_that_change_under_one_sequence_are_refused),
         cmocka_unit_test(registers_are_scaled_moved_and_signed_as_the_config_says),
+        cmocka_unit_test(an_encoder_that_begins_anew_goes_on_counting),
     };
     driver = device_driver("modbus");
     return cmocka_run_group_tests_name("device_modbus", tests, NULL, NULL);

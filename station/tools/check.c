@@ -15,6 +15,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 #define POINTS_MAX 8192 // of one channel
@@ -131,6 +132,31 @@ static void judge_device(struct check *check, int index) {
                  "%s: %.0f readings/s, %" PRIu64 " malformed, %" PRIu64 " jumps, noise %.2f mm%s%s",
                  s.driver, s.rate_hz, s.malformed, s.jumps, noise_mm, s.problem[0] ? "; " : "",
                  s.problem);
+}
+
+static const char *option_of(const struct device_config *device, const char *key) {
+    for (int i = 0; i < device->option_count; i++)
+        if (!strcmp(device->options[i].key, key))
+            return device->options[i].value;
+    return NULL;
+}
+
+// Nothing tells here whether a tracker is late, so a station may be ready without it.
+static void judge_delays(struct check *check) {
+    for (int i = 0; i < check->config->device_count; i++) {
+        const struct device_config *device = &check->config->devices[i].config;
+        const char *driver = option_of(device, "driver"), *delay = option_of(device, "delay_ms");
+        char what[sizeof device->name + 16];
+        if (!driver || strcmp(driver, "tracker") != 0)
+            continue;
+        snprintf(what, sizeof what, "%s's delay", device->name);
+        if (delay)
+            findings_add(&check->findings, true, what, NULL, "%s ms", delay);
+        else
+            findings_add(&check->findings, true, what, NULL,
+                         "none is set, so a late tracker moves tools against the bones: run "
+                         "arthron-station calibrate delay");
+    }
 }
 
 static void judge_channels(struct check *check) {
@@ -349,6 +375,7 @@ static enum result start(struct check *check, struct error *err) {
 static void judge(struct check *check) {
     for (int i = 0; i < runner_count(check->runner); i++)
         judge_device(check, i);
+    judge_delays(check);
     judge_channels(check);
     judge_forces(check);
     judge_calibration(check);

@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "link/link.h"
 #include "loop/meter.h"
+#include "loop/teller.h"
 #include "samples/runner.h"
 #include "view/openigtlink.h"
 #include "view/predict.h"
@@ -28,20 +29,19 @@ struct loop {
     struct predict *predict;
     struct view *view;               // NULL: there is none
     struct openigtlink *openigtlink; // NULL: there is none
+    struct teller *teller;
     uint64_t session_seen;
     uint64_t sent, warped;
     struct tally { // of the server's, which begins anew with each connection
         uint32_t told;
         uint64_t all;
     } lost, late;
-    uint64_t markers_lost, markers_lost_told;
+    uint64_t markers_lost;
     uint64_t connection;
-    struct meter whole, second; // round trips: since the start, since the last live line
+    struct meter whole, second; // round trips: since the start, since the last second
     uint64_t warped_second;
-    double alignment_ms;   // since the last live line, at most
+    double alignment_ms;   // since the last second, at most
     struct sample pressed; // the largest force since then; its time is 0: none
-    uint64_t holds_logged; // of which connection
-    bool was_lost[RUNNER_DEVICES_MAX];
 };
 
 // ---- frames and replies -------------------------------------------------------------------------
@@ -136,103 +136,22 @@ static void take_replies(struct loop *loop, int64_t until_ns, int64_t most_ns) {
 
 // ---- what a person sees -------------------------------------------------------------------------
 
-static const char *path_name(enum link_path path) {
-    return path == LINK_DATAGRAM ? "datagrams" : path == LINK_CONTROL ? "control" : "no link";
-}
-
-// What the slowest filter adds to the newest poses.
-static double filter_latency_ms(struct loop *loop) {
-    double most = 0;
-    for (int i = 0; i < runner_count(loop->runner); i++) {
-        struct device_status status;
-        runner_status(loop->runner, i, &status);
-        most = fmax(most, status.filter_latency_ms);
-    }
-    return most;
-}
-
 static uint64_t count_unanswered(const struct loop *loop) {
     return loop->sent > loop->warped ? loop->sent - loop->warped : 0;
 }
 
-static void print_live(struct loop *loop) {
-    struct link_status status;
-    link_get_status(loop->link, &status);
-    char more[128] = "";
-    double latency_ms = filter_latency_ms(loop);
-    if (latency_ms > 0)
-        snprintf(more, sizeof more, "  filter %.1f ms", latency_ms);
-    if (loop->alignment_ms > 0)
-        snprintf(more + strlen(more), sizeof more - strlen(more), "  alignment %.1f ms",
-                 loop->alignment_ms);
-    if (loop->pressed.time_ns)
-        snprintf(more + strlen(more), sizeof more - strlen(more), "  force %.1f N (%s)",
-                 loop->pressed.force_n, channel_name(loop->pressed.channel));
-    printf("%5" PRIu64
-           " poses/s  round trip %6.0f us p50 %6.0f us p99  warp %5.2f mm  unanswered %" PRIu64
-           "%s  %s%s%s\n",
-           loop->warped_second, meter_percentile_us(&loop->second, 0.5),
-           meter_percentile_us(&loop->second, 0.99), predict_warp_mm(loop->predict),
-           count_unanswered(loop), more, path_name(status.path), status.refusal[0] ? ": " : "",
-           status.refusal);
-    fflush(stdout);
-}
-
-static void log_devices(struct loop *loop) {
-    for (int i = 0; i < runner_count(loop->runner); i++) {
-        struct device_status status;
-        runner_status(loop->runner, i, &status);
-        bool lost = !status.connected || status.problem[0];
-        if (lost && !loop->was_lost[i])
-            log_warning("device", "%s: %s", status.name,
-                        status.problem[0] ? status.problem : "not connected yet");
-        if (!lost && loop->was_lost[i])
-            log_info("device", "%s: back", status.name);
-        loop->was_lost[i] = lost;
-    }
-}
-
-// Once for each connection: the server's hold cuts a longer one short.
-static void log_holds(struct loop *loop) {
-    struct link_status link;
-    link_get_status(loop->link, &link);
-    if (!link.welcomed || !link.hold_ms || link.connects == loop->holds_logged)
-        return;
-    loop->holds_logged = link.connects;
-    for (int i = 0; i < runner_count(loop->runner); i++) {
-        struct device_status device;
-        runner_status(loop->runner, i, &device);
-        if (device.hold_ms > link.hold_ms)
-            log_warning(
-                "station",
-                "[device %s] hold_ms = %g: the server calls a value lost after %d ms. Raise "
-                "hold_ms in its [warp]",
-                device.name, device.hold_ms, link.hold_ms);
-    }
-}
-
-// What found no room on its way to the server, and what came too fast from a device.
-static void log_markers(struct loop *loop) {
-    uint64_t lost = loop->markers_lost;
-    for (int i = 0; i < runner_count(loop->runner); i++) {
-        struct device_status status;
-        runner_status(loop->runner, i, &status);
-        lost += status.markers_lost;
-    }
-    if (lost > loop->markers_lost_told)
-        log_warning("station",
-                    "%" PRIu64 " markers were lost: they came too fast, or too many wait for the "
-                    "server, or it takes none",
-                    lost - loop->markers_lost_told);
-    loop->markers_lost_told = lost;
-}
-
 static void each_second(struct loop *loop) {
-    log_holds(loop);
-    log_markers(loop);
-    if (loop->options->live)
-        print_live(loop);
-    log_devices(loop);
+    const struct told_second second = {
+        .warped = loop->warped_second,
+        .unanswered = count_unanswered(loop),
+        .markers_lost = loop->markers_lost,
+        .p50_us = meter_percentile_us(&loop->second, 0.5),
+        .p99_us = meter_percentile_us(&loop->second, 0.99),
+        .warp_mm = predict_warp_mm(loop->predict),
+        .alignment_ms = loop->alignment_ms,
+        .pressed = loop->pressed,
+    };
+    teller_tell(loop->teller, &second);
     meter_clear(&loop->second);
     loop->warped_second = 0;
     loop->alignment_ms = 0;
@@ -386,7 +305,9 @@ enum result loop_run(const struct station_config *config, const struct loop_opti
     loop->predict = predict_create();
     enum result result = start(loop, err);
     if (result == RESULT_OK) {
+        loop->teller = teller_create(loop->runner, loop->link, options->live);
         run(loop);
+        teller_destroy(&loop->teller);
         print_summary(loop);
     }
     view_destroy(&loop->view);

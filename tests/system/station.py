@@ -1,5 +1,6 @@
 """What a station says to its technician: of the server, of its config, of its devices."""
 
+import fcntl
 import json
 import os
 import signal
@@ -9,7 +10,7 @@ import threading
 import time
 import unittest
 
-from arthron import SystemTest, call, free_port, program
+from arthron import SystemTest, call, free_port, program, wait_until
 
 DAY_S = 86400
 
@@ -35,6 +36,24 @@ class Station(SystemTest):
         station.wait_for_log("[device tracker] hold_ms = 900: the server calls a value lost after 100 ms")
         self.assertNotIn("[device encoders] hold_ms", station.log())
 
+
+    def test_a_live_line_that_nobody_reads_holds_up_no_pose(self):
+        self.start_server()
+        self.enrol("room-1")
+        reader, writer = os.pipe()
+        fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
+        os.write(writer, b"." * 4096)  # no room for a single line
+        station = subprocess.Popen([program("arthron-station"), "run", "--config", self.station_config(), "--live"],
+                                   stdout=writer, stderr=subprocess.DEVNULL)
+        os.close(writer)
+        try:
+            wait_until("a session", lambda: self.session()["connected"])
+            self.wait_for_steps(600)  # of 200 a second: lines were due
+        finally:
+            station.terminate()
+            ended = station.wait(timeout=60)
+            os.close(reader)
+        self.assertEqual(ended, 0)
 
     # ---- check
 

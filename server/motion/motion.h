@@ -25,6 +25,7 @@ enum motion_verb {
     MOTION_LOOK,   // the scope goes to where it sees a group, or a place of it
     MOTION_TOUCH,  // an instrument's tip goes to a place of a group, or as near as it comes, and
                    // rests there
+    MOTION_TAKE,   // a jaw goes to a loose body, closes on it, withdraws and opens
     MOTION_WAIT,   // all hands rest
     MOTION_WITHDRAW,
     MOTION_VERB_COUNT
@@ -39,7 +40,7 @@ struct motion_place {
 struct motion_step {
     enum motion_verb verb;
     enum channel tool;
-    char name[CASE_NAME_MAX]; // of the portal or the group
+    char name[CASE_NAME_MAX]; // of the portal, the group or the loose body
     bool has_place; // a bite without one takes the reachable point nearest to the group's middle
     struct motion_place from, to;
     // Degrees of flexion or valgus, mm of drawer, seconds of touching or waiting, mm from which to

@@ -5,7 +5,8 @@
 #include <stdlib.h>
 
 static const double open_seconds = 0.5;
-static const double bite_distance = 5; // from where a bite begins, mm
+static const double bite_distance = 5;   // from where a bite begins, mm
+static const double grasp_distance = 10; // a closed jaw there touches no loose body
 
 pose plan_body_pose(const struct plan *plan, enum body body) {
     if (body == BODY_TIBIA)
@@ -169,14 +170,27 @@ enum result plan_open(struct plan *plan, struct hand *hand, double opening) {
     return RESULT_OK;
 }
 
+static vec3 before(const struct hand *hand, vec3 target, double distance) {
+    return vec3_add_scaled(target, -distance, hand_direction(hand, target));
+}
+
 vec3 plan_before_bite(const struct hand *hand, vec3 target) {
-    return vec3_add_scaled(target, -bite_distance, hand_direction(hand, target));
+    return before(hand, target, bite_distance);
+}
+
+vec3 plan_before_grasp(const struct hand *hand, vec3 target) {
+    return before(hand, target, grasp_distance);
+}
+
+enum result plan_grasp(struct plan *plan, struct hand *hand, vec3 target) {
+    if (plan_open(plan, hand, 1) != RESULT_OK || plan_move(plan, hand, target) != RESULT_OK)
+        return RESULT_INVALID;
+    return plan_open(plan, hand, 0);
 }
 
 enum result plan_bite(struct plan *plan, struct hand *hand, vec3 target) {
-    vec3 before = hand->tip;
-    if (plan_open(plan, hand, 1) != RESULT_OK || plan_move(plan, hand, target) != RESULT_OK ||
-        plan_open(plan, hand, 0) != RESULT_OK)
+    vec3 from = hand->tip;
+    if (plan_grasp(plan, hand, target) != RESULT_OK)
         return RESULT_INVALID;
-    return plan_move(plan, hand, before);
+    return plan_move(plan, hand, from);
 }

@@ -60,6 +60,9 @@ enum result plan_open(struct plan *plan, struct hand *hand, double opening);
 // From plan_before_bite: opens, goes to the target, closes, and backs off to where it was.
 enum result plan_bite(struct plan *plan, struct hand *hand, vec3 target);
 vec3 plan_before_bite(const struct hand *hand, vec3 target);
+// From plan_before_grasp, farther off: opens, goes to the target and closes.
+enum result plan_grasp(struct plan *plan, struct hand *hand, vec3 target);
+vec3 plan_before_grasp(const struct hand *hand, vec3 target);
 
 // A smooth reach of so many rows (minimum jerk), so that nothing is faster than highest_speed.
 int plan_rows(const struct plan *plan, double way, double highest_speed);

@@ -4,6 +4,7 @@
 #include "motion/path.h"
 #include "motion/place.h"
 #include "motion/resect.h"
+#include "motion/take.h"
 #include "motion/way.h"
 
 #include <stdlib.h>
@@ -305,6 +306,8 @@ static enum result do_step(struct plan *plan, const struct motion_step *step) {
         return bite(plan, hand, step);
     if (step->verb == MOTION_TOUCH)
         return touch_place(plan, hand, step);
+    if (step->verb == MOTION_TAKE)
+        return take(plan, hand, step);
     if (step->verb == MOTION_LOOK)
         return look(plan, hand, step);
     if (step->verb == MOTION_RESECT || step->verb == MOTION_TRACE)

@@ -43,6 +43,7 @@ static const struct {
     [MOTION_TRACE] = {"trace", "probe or shaver, and GROUP"},
     [MOTION_LOOK] = {"look", "GROUP [PLACE]" PLACE_IS},
     [MOTION_TOUCH] = {"touch", "INSTRUMENT GROUP PLACE" PLACE_IS},
+    [MOTION_TAKE] = {"take", "INSTRUMENT LOOSE"},
     [MOTION_WAIT] = {"wait", "SECONDS from 0 to 60"},
     [MOTION_WITHDRAW] = {"withdraw", "INSTRUMENT"},
 };
@@ -148,6 +149,8 @@ static const double touch_seconds = 1;
 static bool read_words(struct motion_step *step, const char *const *words, int count) {
     switch (step->verb) {
     case MOTION_APPROACH:
+        return count == 2 && read_tool(words[0], &step->tool) && read_name(words[1], step->name);
+    case MOTION_TAKE:
         return count == 2 && read_tool(words[0], &step->tool) && read_name(words[1], step->name);
     case MOTION_WITHDRAW:
         return count == 1 && read_tool(words[0], &step->tool);

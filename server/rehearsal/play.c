@@ -58,6 +58,7 @@ static void play_row(struct play *play, const struct motion *motion, size_t row,
 void play_motion(const struct motion *motion, double rate_hz, const struct scene *scene,
                  const struct site *site, struct attempt *out_attempt) {
     struct session_settings settings = session_settings_default();
+    settings.instruments = *site_tools(site);
     struct play play = {
         .session = session_create(scene, &settings),
         .operation = operation_create(scene, settings.rules, &settings.instruments),

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "landmarks/landmarks.h"
 #include "rehearsal/play.h"
+#include "rehearsal/take.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -158,6 +159,8 @@ static void pursue(const struct planner *p, struct motion_script *script, int in
         touch(p, script, goal, g);
     if (goal->resect[0])
         resect(p, script, goal->resect);
+    if (goal->take_out[0])
+        take_out(script, p->knee, g->loose, p->portals[1], stance->distance);
     add_amount(script, MOTION_WAIT, goal->hold_s + SETTLE_S);
 }
 
@@ -318,7 +321,7 @@ enum result rehearse(const struct task *task, struct knee_case *knee, const stru
                         .err = err};
     struct view_optic optic = view_optic_usual();
     *out = (struct rehearsal){.goal = -1};
-    enum result result = site_create(task, scene, instruments_usual(), &optic, &p.site, err);
+    enum result result = site_create(task, scene, instruments_of_hands(), &optic, &p.site, err);
     if (result == RESULT_OK)
         result = prepare(&p, knee);
     if (result == RESULT_OK)

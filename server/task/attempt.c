@@ -92,6 +92,7 @@ static bool is_met(struct attempt *a, const struct site *site, const struct sess
     struct goal_state *state = &a->goals[index];
     bool holds = goal_holds_joint(goal, site, output) &&
                  goal_resected(goal, site_goal(site, index), a) &&
+                 goal_took_out(goal, site_goal(site, index), output) &&
                  goal_touches(goal, site, index, output, looking) &&
                  goal_is_seen(goal, site, index, output, looking, a);
     if (holds && goal->place_count) {
@@ -144,7 +145,7 @@ static void judge_errors(struct attempt *a, const struct site *site,
             bool holds = error_holds(site, e, tool, output, looking, a);
             bool is_long =
                 hold(&state->hold, holds, a->running_ns, state->counted ? ERROR_APART_NS : HELD_NS,
-                     ns_of(task->errors[e].for_s));
+                     task->errors[e].dropped ? 0 : ns_of(task->errors[e].for_s));
             if (!state->hold.holds)
                 state->counted = false;
             if (!is_long || state->counted)

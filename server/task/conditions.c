@@ -140,6 +140,14 @@ bool goal_resected(const struct goal *goal, const struct site_goal *g,
            at_least(r->rim_mm, goal->rim_mm) && at_most(r->step_mm, goal->step_mm);
 }
 
+bool goal_took_out(const struct goal *goal, const struct site_goal *g,
+                   const struct session_output *output) {
+    for (int i = 0; goal->take_out[0] && i < output->loose_count; i++)
+        if ((g->loose >> i & 1) && output->loose[i].state != LOOSE_OUT)
+            return false;
+    return true;
+}
+
 // ---- errors -------------------------------------------------------------------------------------
 
 static bool is_near(const struct site *site, int error, const struct instrument_output *o) {
@@ -174,13 +182,16 @@ static bool is_cut_beyond(const struct task_error *error, const struct attempt *
 }
 
 bool error_is_of_tool(const struct site *site, int error) {
-    return isnan(site_task(site)->errors[error].over_share);
+    const struct task_error *e = &site_task(site)->errors[error];
+    return isnan(e->over_share) && !e->dropped;
 }
 
 bool error_holds(const struct site *site, int error, int tool, const struct session_output *output,
                  const struct looking *looking, const struct attempt *attempt) {
     const struct task_error *e = &site_task(site)->errors[error];
     const struct instrument_output *o = &output->instruments[tool];
+    if (e->dropped)
+        return output->events & EVENT_DROPPED;
     if (!error_is_of_tool(site, error))
         return is_cut_beyond(e, attempt);
     if (!o->present || !site_error_concerns(site, error, tool))

@@ -20,6 +20,8 @@ bool goal_touches(const struct goal *goal, const struct site *site, int index,
                   const struct session_output *output, const struct looking *looking);
 bool goal_holds_joint(const struct goal *goal, const struct site *site,
                       const struct session_output *output);
+bool goal_took_out(const struct goal *goal, const struct site_goal *g,
+                   const struct session_output *output);
 bool goal_resected(const struct goal *goal, const struct site_goal *g,
                    const struct attempt *attempt);
 
@@ -27,7 +29,7 @@ bool goal_resected(const struct goal *goal, const struct site_goal *g,
 int32_t goal_goes_along(const struct goal *goal, const struct site_goal *g,
                         const struct session_output *output, int32_t along);
 
-// Whether it counts for each tool, or once for the tissue as it is (over_share).
+// Whether it counts for each tool, or once for the knee as it is (over_share, dropped).
 bool error_is_of_tool(const struct site *site, int error);
 bool error_holds(const struct site *site, int error, int tool, const struct session_output *output,
                  const struct looking *looking, const struct attempt *attempt);

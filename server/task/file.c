@@ -87,6 +87,7 @@ static const struct setting_key goal_keys[] = {
     {"over_share", SETTING_NUMBER, IN_GOAL(over_share), 0, 10},
     {"rim_mm", SETTING_NUMBER, IN_GOAL(rim_mm), 0, 15},
     {"step_mm", SETTING_NUMBER, IN_GOAL(step_mm), 0, 15},
+    {"take_out", SETTING_TEXT, IN_GOAL(take_out)},
     {0}};
 
 static const struct setting_key error_keys[] = {
@@ -99,6 +100,7 @@ static const struct setting_key error_keys[] = {
     {"near_mm", SETTING_NUMBER, IN_ERROR(near_mm), 0.1, 30},
     {"speed_mm_s", SETTING_NUMBER, IN_ERROR(speed_mm_s), 1, 1000},
     {"unseen", SETTING_SWITCH, IN_ERROR(unseen)},
+    {"dropped", SETTING_SWITCH, IN_ERROR(dropped)},
     {"over_share", SETTING_NUMBER, IN_ERROR(over_share), 0, 10},
     {0}};
 
@@ -199,7 +201,8 @@ static enum result check_goal(const struct goal *goal, struct error *err) {
             err, RESULT_MISSING,
             "[goal %s]: resect needs under_share, over_share, rim_mm or step_mm, and they it",
             name);
-    if (goal->see[0] || goal->touch[0] || goal->place_count || goal->resect[0] || holds_joint(goal))
+    if (goal->see[0] || goal->touch[0] || goal->place_count || goal->resect[0] ||
+        goal->take_out[0] || holds_joint(goal))
         return RESULT_OK;
     return fail(err, RESULT_MISSING, "[goal %s] has no condition", name);
 }
@@ -209,10 +212,13 @@ static enum result check_error(const struct task_error *error, struct error *err
     if (is_near != !isnan(error->near_mm))
         return fail(err, RESULT_MISSING,
                     "[error %s]: running and speed_mm_s need near_mm, and it them", error->name);
-    if (!isnan(error->over_share) && (is_near || !isnan(error->deep_mm) || error->unseen ||
-                                      error->tool[0] || error->group_count))
-        return fail(err, RESULT_INVALID, "[error %s]: over_share stands alone", error->name);
-    if (is_near || !isnan(error->deep_mm) || !isnan(error->over_share) || error->unseen)
+    bool is_of_tool =
+        is_near || !isnan(error->deep_mm) || error->unseen || error->tool[0] || error->group_count;
+    bool is_cut = !isnan(error->over_share);
+    if ((is_cut || error->dropped) && (is_of_tool || (is_cut && error->dropped)))
+        return fail(err, RESULT_INVALID, "[error %s]: over_share and dropped stand alone",
+                    error->name);
+    if (is_near || !isnan(error->deep_mm) || is_cut || error->unseen || error->dropped)
         return RESULT_OK;
     return fail(err, RESULT_MISSING, "[error %s] has no condition", error->name);
 }

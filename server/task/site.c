@@ -177,6 +177,15 @@ static enum result find_tissue(const struct site *site, const char *name, int *o
     return RESULT_OK;
 }
 
+static enum result find_loose(const struct site *site, const char *name, uint32_t *out_loose,
+                              struct error *err) {
+    int index = case_loose_index(site->knee, name);
+    *out_loose = index < 0 ? (1u << site->knee->loose_count) - 1 : 1u << index;
+    if (index >= 0 || (!strcmp(name, "all") && site->knee->loose_count))
+        return RESULT_OK;
+    return fail(err, RESULT_MISSING, "the case has no loose body %s", name);
+}
+
 static enum result find_goal(struct site *site, int index, struct error *err) {
     const struct goal *goal = &site->task->goals[index];
     struct site_goal *g = &site->goals[index];
@@ -191,6 +200,8 @@ static enum result find_goal(struct site *site, int index, struct error *err) {
         result = find_tool(site, goal->tool, &g->tool, err);
     if (result == RESULT_OK && goal->resect[0])
         result = find_tissue(site, goal->resect, &g->tissue, err);
+    if (result == RESULT_OK && goal->take_out[0])
+        result = find_loose(site, goal->take_out, &g->loose, err);
     return result == RESULT_OK ? result : fail_in(err, result, "[goal %s]: ", goal->name);
 }
 

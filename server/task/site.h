@@ -29,6 +29,7 @@ struct site_goal {
     struct spot see, touch;
     int tool;                 // index of the session's instruments
     int tissue;               // that `resect` names
+    uint32_t loose;           // that `take_out` names, a bit each
     int line_count;           // 0: no line
     vec3 line[SITE_LINE_MAX]; // on S, in the frame of touch.body
 };

@@ -46,6 +46,8 @@ struct goal {
     // plan, both as shares of the plan, at most; the rim at least, its steps at most.
     char resect[CASE_NAME_MAX];
     double under_share, over_share, rim_mm, step_mm;
+
+    char take_out[CASE_NAME_MAX]; // this loose body is out of the knee; "all": every one
 };
 
 // An error counts once for each time that all its conditions hold together for for_s. It ends when
@@ -63,6 +65,7 @@ struct task_error {
     double near_mm;
     double speed_mm_s; // faster than so, at most near_mm off one of the groups
     bool unseen;       // inside the knee, and not in the scope's picture
+    bool dropped;      // a jaw lost a loose body inside the knee; it goes with none of the others
     double over_share; // more of any group removed beyond its plan, as a share of the plan; it goes
                        // with none of the above
 };

@@ -1,4 +1,5 @@
 #include "base/argument.h"
+#include "base/instrument.h"
 #include "base/output.h"
 #include "case/library_memory.h"
 #include "case_commands.h"
@@ -83,6 +84,7 @@ static void print_help(void) {
 static int run(int argc, char **argv) {
     cxx_libraries_use_our_memory();
     json_uses_our_memory();
+    instruments_name_channels(instruments_of_hands());
     static const struct option options[] = {
         {"help", no_argument, NULL, 'h'}, {"version", no_argument, NULL, 'V'}, {0}};
     int option;

@@ -52,26 +52,29 @@ struct instrument instrument_of_kind(enum instrument_kind kind) {
     return out;
 }
 
-struct instrument instrument_grasper(void) {
-    struct instrument grasper = instrument_of_kind(INSTRUMENT_JAW);
-    strcpy(grasper.name, "grasper");
-    grasper.cuts = false;
-    grasper.length_mm = 10;
-    grasper.width_mm = 4;
-    grasper.opening_deg = 60;
-    return grasper;
-}
+// As instrument_of_kind gives them; a test compares the two.
+#define THE_FIVE                                                                                   \
+    {"probe", INSTRUMENT_TIP, false, -1, 0, 0, 0, 0, INSTRUMENT_PLAIN},                            \
+        {"punch", INSTRUMENT_JAW, true, -1, 6, 3.5, 0, 35, INSTRUMENT_PLAIN},                      \
+        {"shaver", INSTRUMENT_BURR, true, 0, 0, 4, 0, 0, INSTRUMENT_PLAIN},                        \
+        {"knife", INSTRUMENT_BLADE, true, -1, 3.5, 2.5, 0.2, 0, INSTRUMENT_PLAIN}, {               \
+        "scope", INSTRUMENT_OPTIC, false, -1, 0, 0, 0, 0, INSTRUMENT_PLAIN                         \
+    }
 
 const struct instruments *instruments_usual(void) {
-    // As instrument_of_kind gives them; a test compares the two.
-    static const struct instruments usual = {
-        INSTRUMENTS_USUAL,
-        {{"probe", INSTRUMENT_TIP, false, -1, 0, 0, 0, 0, INSTRUMENT_PLAIN},
-         {"punch", INSTRUMENT_JAW, true, -1, 6, 3.5, 0, 35, INSTRUMENT_PLAIN},
-         {"shaver", INSTRUMENT_BURR, true, 0, 0, 4, 0, 0, INSTRUMENT_PLAIN},
-         {"knife", INSTRUMENT_BLADE, true, -1, 3.5, 2.5, 0.2, 0, INSTRUMENT_PLAIN},
-         {"scope", INSTRUMENT_OPTIC, false, -1, 0, 0, 0, 0, INSTRUMENT_PLAIN}}};
+    static const struct instruments usual = {INSTRUMENTS_USUAL, {THE_FIVE}};
     return &usual;
+}
+
+const struct instruments *instruments_of_hands(void) {
+    static const struct instruments hands = {
+        INSTRUMENTS_USUAL + 1,
+        {THE_FIVE, {"grasper", INSTRUMENT_JAW, false, -1, 10, 4, 0, 60, INSTRUMENT_PLAIN}}};
+    return &hands;
+}
+
+struct instrument instrument_grasper(void) {
+    return instruments_of_hands()->of[INSTRUMENTS_USUAL];
 }
 
 bool instrument_cuts(const struct instrument *instrument) {

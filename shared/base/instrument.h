@@ -50,6 +50,9 @@ const struct instruments *instruments_usual(void);
 // A grasper for loose bodies, as a station may describe it: "grasper", a jaw that does not cut.
 struct instrument instrument_grasper(void);
 
+// The five and that grasper: what the hands of a motion hold.
+const struct instruments *instruments_of_hands(void);
+
 // A typical one of its kind, without a name.
 struct instrument instrument_of_kind(enum instrument_kind kind);
 

@@ -16,10 +16,15 @@ static const struct fault *strike(const struct handle_player *p, enum fault_what
     return faults_strike(p->faults, FAULT_HID, what, due);
 }
 
+static bool has_jaw(const struct recording_tool *tool) {
+    return tool->has_opening &&
+           (tool->channel == CHANNEL_PUNCH || tool->channel == CHANNEL_FIRST_DESCRIBED);
+}
+
 static double opening_at(const struct player *player, double seconds) {
     const struct recording *r = &player->recording;
     for (int i = 0; i < r->tool_count; i++)
-        if (r->tools[i].channel == CHANNEL_PUNCH && r->tools[i].has_opening)
+        if (has_jaw(&r->tools[i]))
             return recording_tool_at(r, i, player_file_time(player, seconds)).opening;
     return 0;
 }

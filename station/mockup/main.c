@@ -3,6 +3,7 @@
 #include "base/argument.h"
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/instrument.h"
 #include "base/log.h"
 #include "base/number.h"
 #include "handle.h"
@@ -38,7 +39,8 @@ static const char help[] =
     "                           TRANSFORM or POSITION once for each question\n"
     "  --header-version N       1, 2 or 3 (2)\n"
     "  --rate HZ                tracker frames a second, interpolated (each row at its own time)\n"
-    "  --hid SERIAL             be an instrument handle (HID): the punch's opening; needs root\n"
+    "  --hid SERIAL             be an instrument handle (HID): the opening of the motion's punch\n"
+    "                           or grasper; needs root\n"
     "  --hid-rate HZ            how often the handle reports (125)\n"
     "  --T-tracker-mockup POSE  where the mock-up stands before the tracker\n"
     "  --T-tool-tip NAME=POSE   where a tool's tip is in the tool\n"
@@ -391,6 +393,7 @@ int main(int argc, char **argv) {
         .player = &m.player, .faults = &m.faults, .stop = &m.stop, .rate_hz = 125, .handle = -1};
     for (int i = 0; i < CHANNEL_COUNT; i++)
         m.tracker.T_tool_tip[i] = pose_identity();
+    instruments_name_channels(instruments_of_hands());
     parse_options(&m, argc, argv);
 
     sigset_t endings;

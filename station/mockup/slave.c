@@ -36,7 +36,9 @@ enum {
     ENCODER = 36, // two registers
     FORCE = 38,
     FORCE_VECTOR = 40, // two registers for each of three components
-    REGISTERS = 46
+    GRASPER_OPENING = 46,
+    GRASPER_BUTTONS,
+    REGISTERS
 };
 
 enum { JOINT_VALUES = 6, REQUEST_BYTES = 8, PATIENCE_MS = 5 };
@@ -44,7 +46,7 @@ enum { JOINT_VALUES = 6, REQUEST_BYTES = 8, PATIENCE_MS = 5 };
 static const uint32_t patience_us =
     1000 * PATIENCE_MS; // with half a request, while other masters wait
 static const uint8_t unknown_function = 0x41;
-static const double closed_opening = 0.05;   // the punch's end switch closes below it
+static const double closed_opening = 0.05;   // a jaw's end switch closes below it
 static const double running_opening = 0.5;   // the shaver's button is down from it on
 static const double encoder_steps = 1 << 17; // of a turn
 
@@ -108,14 +110,21 @@ static double force_at(const struct recording *r, double t) {
     return 0;
 }
 
+static void set_jaw(double opening, uint16_t *out_opening, uint16_t *out_buttons) {
+    *out_opening = (uint16_t)round(10000 * opening);
+    *out_buttons = opening < closed_opening;
+}
+
 static void set_handles(const struct recording *r, double t, uint16_t *registers) {
     for (int i = 0; i < r->tool_count; i++) {
         double opening = recording_tool_at(r, i, t).opening;
-        if (r->tools[i].has_opening && r->tools[i].channel == CHANNEL_PUNCH) {
-            registers[OPENING] = (uint16_t)round(10000 * opening);
-            registers[BUTTONS] = opening < closed_opening;
-        }
-        if (r->tools[i].has_opening && r->tools[i].channel == CHANNEL_SHAVER)
+        if (!r->tools[i].has_opening)
+            continue;
+        if (r->tools[i].channel == CHANNEL_PUNCH)
+            set_jaw(opening, &registers[OPENING], &registers[BUTTONS]);
+        if (r->tools[i].channel == CHANNEL_FIRST_DESCRIBED)
+            set_jaw(opening, &registers[GRASPER_OPENING], &registers[GRASPER_BUTTONS]);
+        if (r->tools[i].channel == CHANNEL_SHAVER)
             registers[SHAVER_BUTTONS] = opening >= running_opening;
     }
 }

@@ -81,8 +81,12 @@ static pose looking(vec3 from, vec3 to) {
     return (pose){quat_from_mat3(m), from};
 }
 
+static vec3 landmark_of(const struct knee_case *knee, const char *name) {
+    return case_landmark(knee, name)->at;
+}
+
 static vec3 landmark(const char *name) {
-    return case_landmark(scene_case(scene), name)->at;
+    return landmark_of(scene_case(scene), name);
 }
 
 static int group(const char *name) {
@@ -273,6 +277,41 @@ static void a_resection_is_to_plan(void **state) {
     land(10, 20, 3, 1);
     assert_int_equal(steps(20).goals_met, 1);
     assert_int_equal(attempt_verdict(&attempt, &task), VERDICT_NOT_YET); // by the error
+}
+
+static void loose(int i, enum loose_state state) {
+    output.loose_count = scene_case(scene)->loose_count;
+    output.loose[i].state = state;
+}
+
+static void a_loose_body_is_taken_out(void **state) {
+    (void)state;
+    begin("[goal one]\ntake_out = piece_2\n[goal every]\ntake_out = all\n");
+    task.in_order = false;
+    loose(0, LOOSE_OUT);
+    loose(1, LOOSE_HELD);
+    assert_int_equal(steps(100).goals_met, 0); // one is out, and another one in the jaw
+    loose(1, LOOSE_OUT);
+    assert_int_equal(steps(40).goals_met, 0); // for less than hold_s
+    assert_int_equal(steps(20).goals_met, 3);
+    assert_true(attempt.end == ATTEMPT_DONE);
+}
+
+static void a_loose_body_that_is_dropped_is_an_error(void **state) {
+    (void)state;
+    begin("[goal a]\ntake_out = all\n[error lost]\ndropped = yes\n");
+    loose(0, LOOSE_HELD);
+    output.events = EVENT_GRASPED;
+    assert_int_equal(steps(1).errors, 0);
+    for (int i = 1; i <= 2; i++) {
+        output.events = EVENT_DROPPED;
+        assert_int_equal(steps(1).errors, 1);
+        output.events = 0;
+        steps(100);
+        assert_int_equal(attempt.errors, i);
+    }
+    output.events = EVENT_TAKEN_OUT;
+    assert_int_equal(steps(1).errors, 0);
 }
 
 static void goals_without_order_come_as_they_come(void **state) {
@@ -499,12 +538,15 @@ static void what_a_case_lacks_is_named(void **state) {
     begin("[goal a]\nsee = patella\n");
     const struct {
         const char *see, *tool, *says;
-    } rows[] = {{"patela", "probe", "task one: [goal a]: the case has no landmark patela"},
-                {"", "grasper", "task one: [goal a]: no instrument is called grasper"}};
+        const char *take_out;
+    } rows[] = {{"patela", "probe", "task one: [goal a]: the case has no landmark patela", ""},
+                {"", "grasper", "task one: [goal a]: no instrument is called grasper", ""},
+                {"", "probe", "task one: [goal a]: the case has no loose body piece", "piece"}};
     struct view_optic optic = view_optic_usual();
     struct site *other;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         snprintf(task.goals[0].see, sizeof task.goals[0].see, "%s", rows[i].see);
+        snprintf(task.goals[0].take_out, sizeof task.goals[0].take_out, "%s", rows[i].take_out);
         snprintf(task.goals[0].touch, sizeof task.goals[0].touch, "patella");
         snprintf(task.goals[0].tool, sizeof task.goals[0].tool, "%s", rows[i].tool);
         assert_int_equal(site_create(&task, scene, instruments_usual(), &optic, &other, &err),
@@ -523,6 +565,12 @@ static int make_case(void **state) {
     assert_ok(recipe_load(CASES "/healthy", &recipe, &err));
     assert_ok(generate_knee(&recipe, &knee, &err));
     assert_ok(landmarks_find(knee, NULL, &err));
+    for (int i = 0; i < 2; i++) {
+        struct case_loose *one = &knee->loose[knee->loose_count++];
+        *one = (struct case_loose){
+            .body = BODY_TIBIA, .at = landmark_of(knee, "plateau_medial"), .radii_mm = {3, 3, 2}};
+        snprintf(one->name, sizeof one->name, "piece_%d", i + 1);
+    }
     assert_ok(scene_create(&knee, &scene, &err));
     return 0;
 }
@@ -546,6 +594,8 @@ int main(void) {
         cmocka_unit_test(a_line_is_followed_from_end_to_end),
         cmocka_unit_test(a_joint_is_held),
         cmocka_unit_test(a_resection_is_to_plan),
+        cmocka_unit_test(a_loose_body_is_taken_out),
+        cmocka_unit_test(a_loose_body_that_is_dropped_is_an_error),
         cmocka_unit_test(goals_without_order_come_as_they_come),
         cmocka_unit_test(an_error_counts_once_for_each_time),
         cmocka_unit_test(a_sentinel_error_ends_the_attempt),

@@ -10,6 +10,7 @@ from arthron import CASES, SOURCE, SystemTest, call, call_json, wait_until
 
 TASKS = sorted(glob.glob(os.path.join(SOURCE, "cases/tasks/*.ini")))
 HEALTHY = os.path.join(CASES, "healthy")
+OTHER = {"loose-bodies": "loose-bodies"}  # of tasks: the case that has what they are about
 SHORT = """
 [task]
 title = Two looks
@@ -28,7 +29,9 @@ centre = 0.5
 
 class Tasks(SystemTest):
     def check(self, path, *options, code):
-        return call_json("arthron-case", "task", "check", path, "--case", HEALTHY, *options, code=code)
+        name = os.path.basename(path).removesuffix(".ini")
+        case = os.path.join(CASES, OTHER.get(name, "healthy"))
+        return call_json("arthron-case", "task", "check", path, "--case", case, *options, code=code)
 
     def test_an_expert_passes(self):
         for path in TASKS[::3]:

@@ -66,7 +66,8 @@ static void what_is_wrong_is_named(void **state) {
         {WHOLE "[error e]\nfor_s = 1\n", "[error e] has no condition"},
         {WHOLE "[error e]\nrunning = yes\n", "[error e]: running and speed_mm_s need near_mm"},
         {WHOLE "[error e]\nnear_mm = 3\n", "need near_mm, and it them"},
-        {WHOLE "[error e]\nover_share = 3\ntool = punch\n", "[error e]: over_share stands alone"},
+        {WHOLE "[error e]\nover_share = 3\ntool = punch\n",
+         "[error e]: over_share and dropped stand alone"},
         {WHOLE "[error e]\ndeep_mm = 1\ngroups = a b c d e f g h i\n", "up to 8 groups"},
         {"[task]\ntitle = T\nbriefing = b\nlimit_s = 20\n[pass]\ntime_s = 30\nsource = x\n"
          "[goal a]\nsee = notch\n",

@@ -4,6 +4,7 @@
 #include "commands/records_rows.h"
 #include "commands/records_verify.h"
 #include "commands/records_xapi.h"
+#include "xapi/words.h"
 
 #include <getopt.h>
 #include <pwd.h>
@@ -246,10 +247,9 @@ static int enrol(struct store *store, const struct records_request *r) {
 
 static enum result export_statements(struct store *store, const struct records_request *r,
                                      struct error *err) {
-    char host[65] = "localhost", site[96];
+    char site[XAPI_SITE_MAX];
     int left;
-    gethostname(host, sizeof host - 1);
-    snprintf(site, sizeof site, "https://%s/arthron", host);
+    xapi_usual_site(site);
     enum result result = xapi_export(store, r->xapi, r->site ? r->site : site, &left, err);
     if (result == RESULT_OK && left)
         fprintf(stderr,

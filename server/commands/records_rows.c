@@ -8,7 +8,6 @@
 #include <limits.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
 #define WIDTH_MAX 48
@@ -33,14 +32,6 @@ void rows_take(void *array, const struct store_cell *cells, int count) {
     json_array_append_new(array, row);
 }
 
-void rows_time(int64_t utc_ns, char out_text[32]) {
-    time_t seconds = (time_t)(utc_ns / NS_PER_S);
-    struct tm utc;
-    gmtime_r(&seconds, &utc);
-    size_t used = strftime(out_text, 32, "%Y-%m-%dT%H:%M:%S", &utc);
-    snprintf(out_text + used, 32 - used, ".%03dZ", (int)(utc_ns % NS_PER_S / NS_PER_MS));
-}
-
 // ---- table --------------------------------------------------------------------------------------
 
 static bool ends_in(const char *column, const char *end) {
@@ -59,7 +50,7 @@ static bool is_shown(const char *column) {
 static void cell_text(const char *column, const json_t *value, char *out, size_t size) {
     char when[32];
     if (json_is_integer(value) && is_time(column)) {
-        rows_time(json_integer_value(value), when);
+        clock_utc_text(json_integer_value(value), when);
         snprintf(out, size, "%.19sZ", when);
     } else if (json_is_integer(value)) {
         snprintf(out, size, "%" JSON_INTEGER_FORMAT, json_integer_value(value));

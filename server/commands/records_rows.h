@@ -13,9 +13,6 @@ void rows_take(void *array, const struct store_cell *cells, int count);
 // without hashes, which no person reads.
 void rows_print(const json_t *rows);
 
-// "2026-11-21T08:30:00.123Z"
-void rows_time(int64_t utc_ns, char out_text[32]);
-
 // DIR/LIST.csv for every list, for this user alone; makes the folder. RFC 4180, UTF-8, a first line
 // of names.
 enum result rows_export_csv(struct store *store, const char *dir, struct error *err);

@@ -2,13 +2,9 @@
 
 #include "base/clock.h"
 #include "commands/records_rows.h"
+#include "xapi/words.h"
 
-#include <ctype.h>
 #include <string.h>
-
-#define IRI_MAX 1024
-#define VERB "http://adlnet.gov/expapi/verbs/"
-#define ACTIVITY_TYPE "http://adlnet.gov/expapi/activities/simulation"
 
 static const char *text_of(const json_t *row, const char *column) {
     return json_string_value(json_object_get(row, column));
@@ -18,55 +14,16 @@ static int64_t number_of(const json_t *row, const char *column) {
     return json_integer_value(json_object_get(row, column));
 }
 
-// RFC 4122, version 4: a session's id is by chance but for these bits.
-static void uuid_of(const char *id, char out[37]) {
-    static const char variants[] = "89ab";
-    snprintf(out, 37, "%.8s-%.4s-4%.3s-%c%.3s-%.12s", id, id + 8, id + 13,
-             variants[(id[16] <= '9' ? id[16] - '0' : id[16] - 'a' + 10) & 3], id + 17, id + 20);
-}
-
-static void append_encoded(const char *text, char *out, size_t size) {
-    size_t used = strlen(out);
-    for (; *text && used + 4 < size; text++) {
-        unsigned char c = (unsigned char)*text;
-        if (c < 0x80 && (isalnum(c) || strchr("-._~", c)))
-            used += (size_t)snprintf(out + used, size - used, "%c", c);
-        else
-            used += (size_t)snprintf(out + used, size - used, "%%%02X", c);
-    }
-}
-
 // ---- parts of a statement -----------------------------------------------------------------------
 
-static json_t *actor(const json_t *session, const char *site) {
-    return json_pack("{s:s, s:{s:s, s:s}}", "objectType", "Agent", "account", "homePage", site,
-                     "name", text_of(session, "trainee"));
-}
-
-static json_t *verb(const json_t *session) {
-    const char *name = strcmp(text_of(session, "state"), "closed") ? "attempted" : "completed";
-    char iri[64];
-    snprintf(iri, sizeof iri, VERB "%s", name);
-    return json_pack("{s:s, s:{s:s}}", "id", iri, "display", "en", name);
-}
-
 static json_t *object(const json_t *session, const char *site) {
-    char iri[IRI_MAX];
-    snprintf(iri, sizeof iri, "%s/cases/", site);
-    append_encoded(text_of(session, "case"), iri, sizeof iri);
+    char iri[XAPI_IRI_MAX];
+    xapi_iri(site, "cases", text_of(session, "case"), iri);
     size_t used = strlen(iri);
     snprintf(iri + used, sizeof iri - used, "/%s", text_of(session, "case_hash"));
     return json_pack("{s:s, s:s, s:{s:{s:s}, s:s}}", "objectType", "Activity", "id", iri,
-                     "definition", "name", "en", text_of(session, "case"), "type", ACTIVITY_TYPE);
-}
-
-// An object with one entry, named by an address of the site's.
-static json_t *extension(const char *site, const char *name, json_t *value) {
-    char iri[IRI_MAX];
-    json_t *extensions = json_object();
-    snprintf(iri, sizeof iri, "%s/xapi/%s", site, name);
-    json_object_set_new(extensions, iri, value);
-    return extensions;
+                     "definition", "name", "en", text_of(session, "case"), "type",
+                     XAPI_ACTIVITY_TYPE "simulation");
 }
 
 static json_t *results_of(const json_t *results, const char *id) {
@@ -77,11 +34,10 @@ static json_t *results_of(const json_t *results, const char *id) {
 static json_t *outcome(const json_t *session, const json_t *results, const char *site) {
     char duration[32];
     int64_t lasted_ns = number_of(session, "end_utc_ns") - number_of(session, "start_utc_ns");
-    snprintf(duration, sizeof duration, "PT%.2fS",
-             lasted_ns > 0 ? (double)lasted_ns / (double)NS_PER_S : 0);
+    xapi_duration((double)lasted_ns / (double)NS_PER_S, duration);
     bool closed = !strcmp(text_of(session, "state"), "closed");
     return json_pack("{s:b, s:s, s:o}", "completion", closed, "duration", duration, "extensions",
-                     extension(site, "results", results_of(results, text_of(session, "id"))));
+                     xapi_extension(site, "results", results_of(results, text_of(session, "id"))));
 }
 
 static json_t *context(const json_t *session, const char *site, const char *uuid) {
@@ -94,17 +50,19 @@ static json_t *context(const json_t *session, const char *site, const char *uuid
         json_object_get(session, "missing"));
     return json_pack("{s:s, s:s, s:o}", "registration", uuid, "platform",
                      "arthron-server " ARTHRON_VERSION, "extensions",
-                     extension(site, "trace", evidence));
+                     xapi_extension(site, "trace", evidence));
 }
 
 static json_t *statement(const json_t *session, const json_t *results, const char *site) {
     char uuid[37], when[32];
-    uuid_of(text_of(session, "id"), uuid);
-    rows_time(number_of(session, "end_utc_ns"), when);
+    bool closed = !strcmp(text_of(session, "state"), "closed");
+    xapi_session_uuid(text_of(session, "id"), uuid);
+    clock_utc_text(number_of(session, "end_utc_ns"), when);
     return json_pack("{s:s, s:o, s:o, s:o, s:o, s:o, s:s, s:s}", "id", uuid, "actor",
-                     actor(session, site), "verb", verb(session), "object", object(session, site),
+                     xapi_actor(site, text_of(session, "trainee")), "verb",
+                     xapi_verb(closed ? "completed" : "attempted"), "object", object(session, site),
                      "result", outcome(session, results, site), "context",
-                     context(session, site, uuid), "timestamp", when, "version", "1.0.3");
+                     context(session, site, uuid), "timestamp", when, "version", XAPI_VERSION);
 }
 
 // ---- all of them --------------------------------------------------------------------------------
@@ -155,23 +113,11 @@ static enum result write_json(const json_t *json, const char *path, struct error
     return rows_close(file, path, err);
 }
 
-static enum result check_site(const char *site, struct error *err) {
-    bool has_scheme = !strncmp(site, "https://", 8) || !strncmp(site, "http://", 7);
-    size_t length = strlen(site);
-    bool plain = true;
-    for (size_t i = 0; i < length; i++)
-        plain = plain && site[i] > 0x20 && site[i] < 0x7f && !strchr("\"<>\\^`{|}", site[i]);
-    if (!has_scheme || !plain || length > 256 || site[length - 1] == '/')
-        return fail(err, RESULT_INVALID,
-                    "--site %.80s: not an address like https://training.example.org/arthron", site);
-    return RESULT_OK;
-}
-
 enum result xapi_export(struct store *store, const char *path, const char *site, int *out_left,
                         struct error *err) {
-    enum result result = check_site(site, err);
+    enum result result = xapi_check_site(site, err);
     if (result != RESULT_OK)
-        return result;
+        return fail_in(err, result, "--site ");
     json_t *sessions = json_array(), *results = json_array();
     result = store_rows(store, LIST_SESSIONS, NULL, rows_take, sessions, err);
     if (result == RESULT_OK)

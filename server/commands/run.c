@@ -132,6 +132,24 @@ static void leave_no_core(void) {
     setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
 }
 
+static void write_statement(void *xapi, struct store *store, const struct attempt_row *attempt) {
+    xapi_attempt_ended(xapi, store, attempt->session, attempt->number);
+}
+
+static int serve_with_statements(struct server_config *config) {
+    struct xapi *xapi;
+    struct error err;
+    if (xapi_start(&config->xapi, &xapi, &err) != RESULT_OK) {
+        log_error("server", "[xapi] %s", err.text);
+        return 1;
+    }
+    config->sessions.attempt_written = xapi ? write_statement : NULL;
+    config->sessions.attempt_user = xapi;
+    int status = serve_until_end(config);
+    xapi_stop(&xapi);
+    return status;
+}
+
 struct request {
     const char *path;
     struct setting_override overrides[OVERRIDES_MAX];
@@ -180,7 +198,7 @@ static int serve(const struct request *request) {
     catch_ends();
     memory_keep_back(MEMORY_KEPT_BACK);
     log_limit_lines();
-    return serve_until_end(&config);
+    return serve_with_statements(&config);
 }
 
 static int take_option(int option, struct request *out) {

@@ -109,6 +109,11 @@ static void *find_web(void *user, const char *name, struct error *err) {
     return &((struct server_config *)user)->web;
 }
 
+static void *find_xapi(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return &((struct server_config *)user)->xapi;
+}
+
 static void *find_warp(void *user, const char *name, struct error *err) {
     (void)name, (void)err;
     return &((struct server_config *)user)->sessions.settings;
@@ -183,6 +188,7 @@ static void *find_station(void *user, const char *name, struct error *err) {
 
 #define SESSIONS(member) SETTING_IN(struct sessions_config, member)
 #define WEB(member) SETTING_IN(struct web_settings, member)
+#define XAPI(member) SETTING_IN(struct xapi_settings, member)
 #define WARP(member) SETTING_IN(struct session_settings, member)
 #define STATION(member) SETTING_IN(struct session_station, member)
 
@@ -215,6 +221,13 @@ static const struct setting_key web_keys[] = {
     {"names", .take = take_names,
      .wanted = "up to 8 names of at most 63 bytes, separated by blanks"},
     {0},
+};
+
+static const struct setting_key xapi_keys[] = {
+    {"file", SETTING_PATH, XAPI(file)},         {"site", SETTING_TEXT, XAPI(site)},
+    {"server", SETTING_TEXT, XAPI(server)},     {"user", SETTING_TEXT, XAPI(user)},
+    {"password", SETTING_PATH, XAPI(password)}, {"authority", SETTING_PATH, XAPI(authority)},
+    {"names", SETTING_SWITCH, XAPI(names)},     {0},
 };
 
 static const struct setting_key warp_keys[] = {
@@ -259,6 +272,7 @@ static const struct setting_key station_keys[] = {
 static const struct setting_section sections[] = {
     {"server", server_keys, find_server},
     {"web", web_keys, find_web},
+    {"xapi", xapi_keys, find_xapi},
     {"warp", warp_keys, find_warp},
     {"instrument NAME", instrument_keys, find_instrument},
     {"case NAME", case_keys, find_case},
@@ -337,6 +351,24 @@ static enum result complete_web(const struct sessions_config *c, struct web_sett
     return RESULT_OK;
 }
 
+static enum result complete_xapi(const struct sessions_config *c, const struct xapi_settings *x,
+                                 struct error *err) {
+    const char *missing = !x->file[0]       ? "file"
+                          : !x->server[0]   ? NULL
+                          : !x->user[0]     ? "user"
+                          : !x->password[0] ? "password"
+                                            : NULL;
+    bool is_used = x->file[0] || x->site[0] || x->server[0] || x->user[0] || x->password[0] ||
+                   x->authority[0] || x->names;
+    if (!is_used)
+        return RESULT_OK;
+    if (missing)
+        return fail(err, RESULT_MISSING, "[xapi] needs the key \"%s\"", missing);
+    if (!c->records[0])
+        return fail(err, RESULT_MISSING, "[xapi] needs [server] records, which has the attempts");
+    return RESULT_OK;
+}
+
 static void set_defaults(struct sessions_config *config) {
     config->port = 4810;
     config->udp_port = 4811;
@@ -360,5 +392,7 @@ enum result config_load(const char *path, const struct setting_override *overrid
         result = complete_tasks(&out_config->sessions, err);
     if (result == RESULT_OK)
         result = complete_web(&out_config->sessions, &out_config->web, err);
+    if (result == RESULT_OK)
+        result = complete_xapi(&out_config->sessions, &out_config->xapi, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);
 }

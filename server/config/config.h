@@ -4,6 +4,7 @@
 
 #include "sessions/config.h"
 #include "settings/settings.h"
+#include "xapi/xapi.h"
 
 #define SERVER_NAMES_MAX 8
 
@@ -18,6 +19,7 @@ struct web_settings {
 struct server_config {
     struct sessions_config sessions;
     struct web_settings web;
+    struct xapi_settings xapi;
 };
 
 // Paths in the file are relative to the file's folder. The error names file, line, section and key:

@@ -26,6 +26,8 @@
 struct recorder {
     char *records, *traces_dir, *authority;
     struct trace_signer signer;
+    void (*attempt_written)(void *user, struct store *store, const struct attempt_row *attempt);
+    void *attempt_user;
     int64_t start_utc_ns;
     struct scoring *scoring;
     pthread_t thread;
@@ -201,6 +203,8 @@ static enum result write_attempt(struct recorder *r, const struct attempt_row *a
     enum result result = store_open(r->records, STORE_MAKE, RECORDER_ACTOR, &store, err);
     if (result == RESULT_OK)
         result = store_attempt_add(store, attempt, err);
+    if (result == RESULT_OK && r->attempt_written)
+        r->attempt_written(r->attempt_user, store, attempt);
     store_close(&store);
     if (result == RESULT_INVALID || result == RESULT_REFUSED || result == RESULT_MISSING) {
         log_error("records", "attempt %d of session %s: it cannot be recorded: %s", attempt->number,
@@ -446,6 +450,8 @@ struct recorder *recorder_start(const struct recorder_config *config) {
     r->traces_dir = alloc_text(config->traces_dir);
     r->authority = alloc_text(config->authority);
     r->signer = config->signer;
+    r->attempt_written = config->attempt_written;
+    r->attempt_user = config->attempt_user;
     r->signed_ns = -SIGN_NS;
     r->start_utc_ns = clock_utc_ns();
     pthread_condattr_t monotonic;

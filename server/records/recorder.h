@@ -22,6 +22,9 @@ struct recorder_config {
     scene_finder find;      // called from the scoring thread
     void *user;
     struct trace_signer signer; // of the audit log, each minute; sign NULL: it stays unsigned
+    // After an attempt was written, from the recorder's thread; NULL: nobody wants to know.
+    void (*attempt_written)(void *user, struct store *store, const struct attempt_row *attempt);
+    void *attempt_user;
 };
 
 // Adds the sessions in traces_dir that have no end in the records, then waits for more. Does the

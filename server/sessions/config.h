@@ -2,6 +2,7 @@
 #pragma once
 
 #include "case/case.h"
+#include "records/recorder.h"
 #include "runtime/types.h"
 #include "step/optic.h"
 #include "step/settings.h"
@@ -43,6 +44,9 @@ struct sessions_config {
     // The server warns above these: age and residuals of a station's calibration, and drift.
     int calibration_days;
     double calibration_mm, calibration_deg;
+    // As the recorder calls it (records/recorder.h).
+    void (*attempt_written)(void *user, struct store *store, const struct attempt_row *attempt);
+    void *attempt_user;
     struct session_settings settings;
     int case_count;
     struct session_case cases[SESSIONS_CASES_MAX];

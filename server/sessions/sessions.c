@@ -166,6 +166,8 @@ static void start_recorder(struct sessions *s) {
         .find = find_scene,
         .user = s,
         .signer = s->trace_signer,
+        .attempt_written = s->config.attempt_written,
+        .attempt_user = s->config.attempt_user,
     };
     s->recorder = recorder_start(&config);
 }

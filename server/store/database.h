@@ -61,7 +61,7 @@ enum result store_begin(struct store *store, struct error *err);
 // The columns of LIST_ATTEMPTS, of attempts `a` and their sessions `s`.
 #define STORE_ATTEMPTS                                                                             \
     "SELECT s.uuid AS session, a.number, station.name AS station, trainee.name AS trainee, "       \
-    "a.task, a.task_version, a.title, a.file_hash, knee_case.name AS \"case\", "                   \
+    "trainee.id AS trainee_number, a.task, a.task_version, a.title, a.file_hash, knee_case.name AS \"case\", "                   \
     "knee_case.hash AS case_hash, a.purpose, a.hand, a.first_step, a.last_step, a.begun_utc_ns, "  \
     "a.time_s, a.goals, a.goals_met, a.errors, a.sentinel, a.verdict, a.end, a.pass_time_s, "      \
     "a.pass_errors, a.mark_version, exam.id AS exam, exam.state AS exam_state, a.figures, "        \

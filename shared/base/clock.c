@@ -1,5 +1,6 @@
 #include "base/clock.h"
 
+#include <stdio.h>
 #include <time.h>
 
 #define DRIFT_PER_NS 1e-4
@@ -17,6 +18,14 @@ int64_t clock_now_ns(void) {
 
 int64_t clock_utc_ns(void) {
     return read_clock(CLOCK_REALTIME);
+}
+
+void clock_utc_text(int64_t utc_ns, char out[32]) {
+    time_t seconds = (time_t)(utc_ns / NS_PER_S);
+    struct tm utc;
+    gmtime_r(&seconds, &utc);
+    size_t used = strftime(out, 32, "%Y-%m-%dT%H:%M:%S", &utc);
+    snprintf(out + used, 32 - used, ".%03dZ", (int)(utc_ns % NS_PER_S / NS_PER_MS));
 }
 
 static int64_t uncertainty_of(const struct clock_exchange *e, int64_t now_ns) {

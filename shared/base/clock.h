@@ -9,6 +9,7 @@
 
 int64_t clock_now_ns(void); // CLOCK_MONOTONIC
 int64_t clock_utc_ns(void); // since 1970-01-01 UTC
+void clock_utc_text(int64_t utc_ns, char out[32]); // "2026-11-21T08:30:00.123Z"
 
 // Estimates remote - local from exchanges of time stamps (as NTP does): the exchange with the
 // shortest round trip of the last CLOCK_OFFSET_WINDOW wins, and its uncertainty is half of that

@@ -183,6 +183,32 @@ static void a_large_one_is_read_when_the_server_is_back(void **state) {
     assert_recorded(steps);
 }
 
+static void take_written(void *user, struct store *store, const struct attempt_row *attempt) {
+    int *numbers = user;
+    assert_int_equal(row_count(store, LIST_ATTEMPTS), 1); // it is there already
+    *numbers = 10 * *numbers + attempt->number;
+}
+
+static void who_waits_for_attempts_hears_of_those_that_were_written(void **state) {
+    (void)state;
+    int numbers = 0;
+    char copy[sizeof path];
+    const struct recorder_config config = {.records = store_path,
+                                           .traces_dir = dirname(strcpy(copy, path)),
+                                           .authority = authority,
+                                           .find = no_scene,
+                                           .attempt_written = take_written,
+                                           .attempt_user = &numbers};
+    const struct store_session session = a_session(1);
+    struct attempt_row known = an_attempt(session.id, 7), unknown = an_attempt("no session", 8);
+    struct recorder *recorder = recorder_start(&config);
+    recorder_put(recorder, &session);
+    recorder_attempt(recorder, &unknown);
+    recorder_attempt(recorder, &known);
+    recorder_stop(&recorder);
+    assert_int_equal(numbers, 7);
+}
+
 // As DELETE /sessions/ID does, while the recorder has still to write what it knows.
 static void a_session_that_was_removed_meanwhile_stays_removed(void **state) {
     (void)state;
@@ -421,6 +447,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_small_one_is_read_before_the_server_is_gone, begin, end),
         cmocka_unit_test_setup_teardown(a_session_that_begins_is_there_while_a_trace_is_read, begin,
                                         end),
+        cmocka_unit_test_setup_teardown(who_waits_for_attempts_hears_of_those_that_were_written,
+                                        begin, end),
         cmocka_unit_test_setup_teardown(a_session_that_was_removed_meanwhile_stays_removed, begin,
                                         end),
         cmocka_unit_test_setup_teardown(a_session_whose_trace_is_being_written_is_not_removed,

@@ -79,6 +79,13 @@ static void what_cannot_be_is_named(void **state) {
         {SERVER RECORDS "[web]\nport = -1\n", "port"},
         {SERVER RECORDS "[web]\nport = 4880\nnames = a b c d e f g h i\n", "names"},
         {SERVER RECORDS "[web]\nport = 4880\nname = a\n", "name"},
+        {SERVER RECORDS "[xapi]\nserver = https://a/xapi\n", "[xapi] needs the key \"file\""},
+        {SERVER RECORDS "[xapi]\nnames = yes\n", "[xapi] needs the key \"file\""},
+        {SERVER RECORDS "[xapi]\nfile = x\nserver = https://a/xapi\n", "needs the key \"user\""},
+        {SERVER RECORDS "[xapi]\nfile = x\nserver = https://a/xapi\nuser = u\n",
+         "needs the key \"password\""},
+        {SERVER "[xapi]\nfile = x\n", "[xapi] needs [server] records"},
+        {SERVER RECORDS "[xapi]\nfile = x\nnames = some\n", "names = some"},
         {SERVER RECORDS "[browsers]\nport = 4880\n", "browsers"},
         {SERVER "[sever]\nport = 1\n",
          "line 7: there is no section [sever]; did you mean [server]?"},
@@ -148,6 +155,22 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
     assert_int_equal(station->contact_buttons[7], 1 << 5);
 }
 
+static void statements_go_where_somebody_says_so(void **state) {
+    (void)state;
+    assert_int_equal(load(SERVER RECORDS), RESULT_OK);
+    assert_string_equal(config.xapi.file, "");
+    assert_int_equal(load(SERVER RECORDS "[xapi]\nfile = out.jsonl\nserver = https://a/xapi\n"
+                                         "user = u\npassword = p\nauthority = a.pem\nnames = yes\n"
+                                         "site = https://a/b\n"),
+                     RESULT_OK);
+    expect_path(config.xapi.file, "out.jsonl");
+    expect_path(config.xapi.password, "p");
+    expect_path(config.xapi.authority, "a.pem");
+    assert_string_equal(config.xapi.server, "https://a/xapi");
+    assert_string_equal(config.xapi.site, "https://a/b");
+    assert_true(config.xapi.names);
+}
+
 static void eight_names_are_kept_whole(void **state) {
     (void)state;
     char text[1024];
@@ -166,6 +189,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(all_of_it_can_be_said, begin, end),
         cmocka_unit_test_setup_teardown(what_cannot_be_is_named, begin, end),
         cmocka_unit_test_setup_teardown(every_kind_of_value_goes_where_it_belongs, begin, end),
+        cmocka_unit_test_setup_teardown(statements_go_where_somebody_says_so, begin, end),
         cmocka_unit_test_setup_teardown(eight_names_are_kept_whole, begin, end),
     };
     return cmocka_run_group_tests_name("server_config", tests, NULL, NULL);

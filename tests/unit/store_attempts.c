@@ -79,7 +79,7 @@ static void an_attempt_is_kept_as_it_was(void **state) {
     assert_ok(store_attempt_add(store, &row, &err));
     assert_string_equal(
         rows_of(store, LIST_ATTEMPTS, ADA),
-        "session=" ADA "|number=3|station=room-1|trainee=ada|task=centring|task_version=1|"
+        "session=" ADA "|number=3|station=room-1|trainee=ada|trainee_number=1|task=centring|task_version=1|"
         "title=Centring and horizon|file_hash="
         "0000000000000000000000000000000000000000000000000000000000000007|case=tear-radial|"
         "case_hash=000000001234abcd|purpose=practice|hand=right|first_step=300|last_step=390|"

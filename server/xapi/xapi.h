@@ -1,0 +1,31 @@
+// xAPI statements of attempts as they end: into a file, a statement a line, and from there to a
+// learning record store where one is configured.
+#pragma once
+
+#include "store/store.h"
+
+#define XAPI_PATH_MAX 256
+#define XAPI_SITE_MAX 257
+#define XAPI_USER_MAX 128
+
+// The section [xapi] of the server's config.
+struct xapi_settings {
+    char file[XAPI_PATH_MAX]; // empty: no statements
+    char site[XAPI_SITE_MAX];
+    char server[XAPI_PATH_MAX]; // of the learning record store; empty: none
+    char user[XAPI_USER_MAX];
+    char password[XAPI_PATH_MAX], authority[XAPI_PATH_MAX]; // files
+    bool names;
+};
+
+struct xapi;
+
+// While no other thread runs. *out is NULL where `file` is empty.
+enum result xapi_start(const struct xapi_settings *settings, struct xapi **out, struct error *err);
+
+// Writes the statement of an attempt that the records have. Waits for the disk, never for the
+// network; what fails is logged. One thread at a time.
+void xapi_attempt_ended(struct xapi *xapi, struct store *store, const char *session, int number);
+
+void xapi_stop(
+    struct xapi **xapi); // what was not sent waits for the next start; NULL inside is fine

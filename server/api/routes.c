@@ -32,6 +32,7 @@ const struct route routes[] = {
     {"GET",    "/courses",                INSTRUCTOR, get_courses},
     {"POST",   "/courses",                INSTRUCTOR, post_courses},
     {"GET",    "/courses/*",              INSTRUCTOR, get_course},
+    {"GET",    "/courses/*/export",       INSTRUCTOR, get_course_export, SLOW},
     {"PATCH",  "/courses/*",              INSTRUCTOR, patch_course},
     {"DELETE", "/courses/*",              INSTRUCTOR, delete_course},
     {"POST",   "/courses/*/trainees",     INSTRUCTOR, post_course_trainees},

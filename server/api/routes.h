@@ -59,6 +59,7 @@ void post_trainee_code(struct api_call *call);
 void get_courses(struct api_call *call);
 void post_courses(struct api_call *call);
 void get_course(struct api_call *call);
+void get_course_export(struct api_call *call); // study.c
 void patch_course(struct api_call *call);
 void delete_course(struct api_call *call);
 void post_course_trainees(struct api_call *call);

@@ -1,9 +1,11 @@
 #include "base/argument.h"
+#include "base/clock.h"
 #include "commands/commands.h"
 #include "commands/records_password.h"
 #include "commands/records_rows.h"
 #include "commands/records_verify.h"
 #include "commands/records_xapi.h"
+#include "study/study.h"
 #include "xapi/words.h"
 
 #include <getopt.h>
@@ -11,6 +13,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 static const char help[] =
@@ -25,6 +28,8 @@ static const char help[] =
     "       arthron-server records --file FILE remove account NAME\n"
     "       arthron-server records --file FILE enrol TRAINEE COURSE\n"
     "       arthron-server records --file FILE export --csv DIR | --xapi FILE [--site URL]\n"
+    "       arthron-server records --file FILE export --course NAME --zip FILE [--task NAME]\n"
+    "                                      [--from DATE] [--to DATE] [--names]\n"
     "       arthron-server records --file FILE erase TRAINEE [--json]\n"
     "       arthron-server records --file FILE verify [--keys DIR] [--entry NUMBER:HASH] [--json]\n"
     "\n"
@@ -40,7 +45,8 @@ static const char help[] =
     "  password  gives an account another password, and signs it out everywhere\n"
     "  remove    removes an account; a trainee's sessions stay\n"
     "  enrol     puts a trainee into a course\n"
-    "  export    writes every list as a CSV file, or the ended sessions as xAPI statements\n"
+    "  export    writes every list as a CSV file, the ended sessions as xAPI statements, or all\n"
+    "            attempts of a course as a zip of tables with a codebook\n"
     "  erase     replaces a trainee's name by a pseudonym. Sessions and results stay, attempts,\n"
     "            ratings and exams do not. Lists the traces that still hold the name\n"
     "  verify    calculates the hashes of the audit log again, and checks its signature\n"
@@ -55,6 +61,11 @@ static const char help[] =
     "      --csv DIR, --xapi FILE   where to export to\n"
     "      --keys DIR       the keys of the server that signed the audit log\n"
     "      --entry N:HASH   an entry that the log must have, from the server's log or a backup\n"
+    "      --course NAME, --zip FILE   the course whose attempts to export, and where to\n"
+    "      --task NAME      only those at this task\n"
+    "      --from DATE, --to DATE   only those that began on this day or later, and before that\n"
+    "                       day: 2026-09-01, in UTC\n"
+    "      --names          names trainees and raters, which are numbers otherwise\n"
     "      --site URL       names your accounts and cases in xAPI (https://HOST/arthron)\n"
     "      --json           print JSON, with hashes and times in ns\n"
     "      --help           show this\n";
@@ -63,7 +74,8 @@ static const char program[] = "arthron-server records";
 
 struct records_request {
     const char *file, *full_name, *role, *trainee, *password, *csv, *xapi, *site, *keys, *entry;
-    bool json;
+    const char *course, *zip, *task, *from, *to;
+    bool json, names;
     char **words;
     int count;
 };
@@ -259,17 +271,54 @@ static enum result export_statements(struct store *store, const struct records_r
     return result;
 }
 
+// The begin of a day in UTC; 0 where it is not given.
+static enum result take_day(const char *option, const char *text, int64_t *out_utc_ns,
+                            struct error *err) {
+    struct tm day = {0};
+    *out_utc_ns = 0;
+    if (!text)
+        return RESULT_OK;
+    const char *end = strptime(text, "%Y-%m-%d", &day);
+    if (!end || *end)
+        return fail(err, RESULT_INVALID, "%s %.40s: not a day like 2026-09-01", option, text);
+    *out_utc_ns = timegm(&day) * NS_PER_S;
+    return RESULT_OK;
+}
+
+static enum result export_study(struct store *store, const struct records_request *r,
+                                struct error *err) {
+    struct study_request request = {.course = r->course, .task = r->task, .names = r->names};
+    FILE *file;
+    if (!r->course)
+        return fail(err, RESULT_MISSING, "--zip needs --course NAME");
+    enum result result = take_day("--from", r->from, &request.from_utc_ns, err);
+    if (result == RESULT_OK)
+        result = take_day("--to", r->to, &request.to_utc_ns, err);
+    if (result == RESULT_OK)
+        result = rows_create(r->zip, &file, err);
+    if (result != RESULT_OK)
+        return result;
+    result = study_write(store, &request, file, err);
+    enum result closed = rows_close(file, r->zip, result == RESULT_OK ? err : NULL);
+    if (result != RESULT_OK)
+        unlink(r->zip);
+    return result == RESULT_OK ? closed : result;
+}
+
 static int export(struct store *store, const struct records_request *r) {
     struct error err;
-    if (!r->csv && !r->xapi)
-        return argument_wrong(program, "export needs --csv DIR or --xapi FILE");
+    if (!r->csv && !r->xapi && !r->zip)
+        return argument_wrong(program, "export needs --csv DIR, --xapi FILE or --zip FILE");
     enum result result = store_note(store, "export", "records", &err); // before it is done
     if (result == RESULT_OK && r->csv)
         result = rows_export_csv(store, r->csv, &err);
     if (result == RESULT_OK && r->xapi)
         result = export_statements(store, r, &err);
-    return done(result, &err, "wrote %s%s%s", r->csv ? r->csv : "",
-                r->csv && r->xapi ? " and " : "", r->xapi ? r->xapi : "");
+    if (result == RESULT_OK && r->zip)
+        result = export_study(store, r, &err);
+    return done(result, &err, "wrote %s%s%s%s%s", r->csv ? r->csv : "",
+                r->csv && r->xapi ? " and " : "", r->xapi ? r->xapi : "",
+                r->zip && (r->csv || r->xapi) ? " and " : "", r->zip ? r->zip : "");
 }
 
 static void take_trace(void *traces, const struct store_cell *cells, int count) {
@@ -331,7 +380,7 @@ static const struct verb {
     {"password", "password NAME", 2, STORE_THERE, set_password},
     {"remove", "remove account NAME", 3, STORE_THERE, remove_one},
     {"enrol", "enrol TRAINEE COURSE", 3, STORE_THERE, enrol},
-    {"export", "export --csv DIR | --xapi FILE", 1, STORE_THERE, export},
+    {"export", "export --csv DIR | --xapi FILE | --course NAME --zip FILE", 1, STORE_THERE, export},
     {"erase", "erase TRAINEE", 2, STORE_THERE, erase},
     {"verify", "verify", 1, STORE_THERE, verify},
 };
@@ -368,11 +417,14 @@ static int find_and_run(const struct records_request *r) {
 // False where an argument is unknown; getopt has named it.
 static bool take_option(int option, struct records_request *r) {
     const char **const texts[] = {
-        ['f'] = &r->file,     ['n'] = &r->full_name, ['r'] = &r->role, ['t'] = &r->trainee,
-        ['p'] = &r->password, ['c'] = &r->csv,       ['x'] = &r->xapi, ['s'] = &r->site,
-        ['k'] = &r->keys,     ['e'] = &r->entry};
+        ['f'] = &r->file,     ['n'] = &r->full_name, ['r'] = &r->role,   ['t'] = &r->trainee,
+        ['p'] = &r->password, ['c'] = &r->csv,       ['x'] = &r->xapi,   ['s'] = &r->site,
+        ['k'] = &r->keys,     ['e'] = &r->entry,     ['C'] = &r->course, ['z'] = &r->zip,
+        ['T'] = &r->task,     ['F'] = &r->from,      ['O'] = &r->to};
     if (option == 'j')
         return r->json = true;
+    if (option == 'N')
+        return r->names = true;
     if (option <= 0 || (size_t)option >= sizeof texts / sizeof *texts || !texts[option])
         return false;
     *texts[option] = optarg;
@@ -391,6 +443,12 @@ int command_records(int argc, char **argv) {
         {"site", required_argument, NULL, 's'},
         {"keys", required_argument, NULL, 'k'},
         {"entry", required_argument, NULL, 'e'},
+        {"course", required_argument, NULL, 'C'},
+        {"zip", required_argument, NULL, 'z'},
+        {"task", required_argument, NULL, 'T'},
+        {"from", required_argument, NULL, 'F'},
+        {"to", required_argument, NULL, 'O'},
+        {"names", no_argument, NULL, 'N'},
         {"json", no_argument, NULL, 'j'},
         {"help", no_argument, NULL, 'h'},
         {0},

@@ -38,6 +38,7 @@ static const struct {
     {"GET", "/courses", "i"},
     {"POST", "/courses", "i"},
     {"GET", "/courses/autumn", "i"},
+    {"GET", "/courses/autumn/export", "i"},
     {"PATCH", "/courses/none", "i"},
     {"DELETE", "/courses/none", "i"},
     {"POST", "/courses/autumn/trainees", "i"},

@@ -151,7 +151,7 @@ void teller_tell(struct teller *teller, const struct told_second *second) {
     struct telling *telling = alloc(1, sizeof *telling);
     *telling = (struct telling){teller, *second};
     if (!task_pool_add(teller->writer,
-                       &(struct task){.run = tell, .finish = forget, .data = telling}))
+                       &(struct pool_task){.run = tell, .finish = forget, .data = telling}))
         free(telling);
 }
 

@@ -87,6 +87,20 @@ _Static_assert(sizeof((arthron_LiveSession *)0)->groups / sizeof(arthron_CaseGro
                    sizeof((arthron_CaseGroup *)0)->name == CASE_NAME_MAX &&
                    sizeof((arthron_CaseGroup *)0)->label == TISSUE_LABEL_MAX,
                "every group of a case fits");
+_Static_assert(sizeof((arthron_LiveSession *)0)->loose / sizeof(arthron_LooseBody) ==
+                       CASE_LOOSE_MAX &&
+                   sizeof((arthron_LooseBody *)0)->name == CASE_NAME_MAX,
+               "every loose body of a case fits");
+
+static void take_loose(const struct knee_case *knee, arthron_LiveSession *out) {
+    out->loose_count = (pb_size_t)knee->loose_count;
+    for (int i = 0; i < knee->loose_count; i++) {
+        vec3 radii = knee->loose[i].radii_mm;
+        out->loose[i] = (arthron_LooseBody){
+            .radii_mm_count = 3, .radii_mm = {(float)radii.x, (float)radii.y, (float)radii.z}};
+        memcpy(out->loose[i].name, knee->loose[i].name, CASE_NAME_MAX);
+    }
+}
 
 void reply_groups(const struct knee_case *knee, arthron_LiveSession *out) {
     out->groups_count = (pb_size_t)knee->group_count;
@@ -104,6 +118,7 @@ void reply_groups(const struct knee_case *knee, arthron_LiveSession *out) {
         memcpy(out->groups[i].name, group->name, CASE_NAME_MAX);
         memcpy(out->groups[i].label, tissue->label, TISSUE_LABEL_MAX);
     }
+    take_loose(knee, out);
 }
 
 static void take_zones(const struct zone_volumes *zones, float out[9]) {

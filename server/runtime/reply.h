@@ -15,7 +15,7 @@ void reply_from_output(const struct session_output *output, const struct knee_ca
 void reply_session(enum session_state state, const struct knee_case *knee,
                    arthron_SessionChange *out_change);
 
-// What the case's groups are.
+// What the case's groups and loose bodies are.
 void reply_groups(const struct knee_case *knee, arthron_LiveSession *out_session);
 
 // mesh_hash: of the mesh as stations follow it.

@@ -76,6 +76,8 @@ void snapshot_step(struct snapshot_maker *m, const struct session_output *output
     now->joint = output->joint;
     memcpy(now->T_mockup_body, output->T_mockup_body, sizeof now->T_mockup_body);
     memcpy(now->T_mockup_virtual, output->T_mockup_virtual, sizeof now->T_mockup_virtual);
+    now->loose_count = output->loose_count;
+    memcpy(now->loose, output->loose, sizeof now->loose);
     for (int i = 0; i < EVENT_COUNT; i++)
         now->events[i] += output->events >> i & 1;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
@@ -133,6 +135,19 @@ static arthron_InstrumentMoment instrument_to_wire(const struct snapshot_instrum
     };
 }
 
+static arthron_LooseMoment loose_to_wire(const struct loose_output *loose) {
+    int on = loose->carrier;
+    return (arthron_LooseMoment){
+        .state = (arthron_LooseMoment_State)loose->state,
+        .on = (uint32_t)(on < BODY_COUNT ? on : CHANNEL_FIRST_INSTRUMENT + on - BODY_COUNT),
+        .has_pose = true,
+        .pose = short_pose(loose->T_mockup_loose),
+    };
+}
+
+_Static_assert(sizeof((arthron_Moment *)0)->loose / sizeof(arthron_LooseMoment) == CASE_LOOSE_MAX &&
+                   (int)_arthron_LooseMoment_State_ARRAYSIZE == LOOSE_STATE_COUNT,
+               "every loose body is told");
 _Static_assert(sizeof((arthron_Moment *)0)->events / sizeof(uint32_t) >= EVENT_COUNT,
                "every event is told");
 
@@ -155,6 +170,9 @@ void snapshot_to_wire(const struct step_snapshot *m, uint32_t station, arthron_M
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (m->instruments[i].seen)
             out->instruments[out->instruments_count++] = instrument_to_wire(&m->instruments[i], i);
+    out->loose_count = (pb_size_t)m->loose_count;
+    for (int i = 0; i < m->loose_count; i++)
+        out->loose[i] = loose_to_wire(&m->loose[i]);
     memcpy(out->events, m->events, sizeof m->events);
 }
 

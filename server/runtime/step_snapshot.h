@@ -31,6 +31,8 @@ struct step_snapshot {
     pose T_mockup_virtual[BODY_COUNT];
     uint32_t events[EVENT_COUNT]; // how often each came since the start
     struct snapshot_instrument instruments[INSTRUMENT_COUNT];
+    int loose_count; // loose bodies of the case
+    struct loose_output loose[CASE_LOOSE_MAX];
     uint32_t attempt;   // the number of the last one; 0: there was none
     int64_t attempt_ns; // that it has taken
 };

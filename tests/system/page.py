@@ -208,7 +208,8 @@ class Page(Connection):
                               "case": text(v.get(5)), "length_s": long(v.get(8)) / 1e9, "recorded": bool(v.get(9, 0)),
                               "own_case": text(v.get(10)),
                               "instruments": {one(i).get(1, 0): text(one(i).get(2)) for n, i in fields(data) if n == 14},
-                              "groups": [group(g) for n, g in fields(data) if n == 15]})
+                              "groups": [group(g) for n, g in fields(data) if n == 15],
+                              "loose": [text(one(b).get(1)) for n, b in fields(data) if n == 16]})
         if self.sessions[-1]["id"].strip("0") and not self.sessions[-1]["recorded"]:
             self.say(4, b"")  # MeshAsk: nothing is here yet
 
@@ -216,7 +217,8 @@ class Page(Connection):
         v = one(data)
         self.moments.append({"station_number": v.get(1, 0), "step": struct.unpack("<Q", v.get(2, bytes(8)))[0],
                              "s": long(v.get(3)) / 1e9, "state": v.get(4, 0),
-                             "instruments": {one(i).get(1, 0): one(i) for n, i in fields(data) if n == 8}})
+                             "instruments": {one(i).get(1, 0): one(i) for n, i in fields(data) if n == 8},
+                             "loose": [one(b).get(1, 0) for n, b in fields(data) if n == 12]})
 
     def hear_resection(self, data):
         v = one(data)

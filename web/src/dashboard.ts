@@ -202,7 +202,7 @@ const PLOT_ROWS: PlotRow[] = [
 ];
 
 const FLAG_COLOURS: Record<string, string> = {
-  cut: "--plot-4", piece: "--plot-4", undone: "--plot-5", refused: "--act", deviceLost: "--now", deviceBack: "--good", state: "--look",
+  cut: "--plot-4", piece: "--plot-4", undone: "--plot-5", grasped: "--plot-4", takenOut: "--good", dropped: "--act", refused: "--act", deviceLost: "--now", deviceBack: "--good", state: "--look",
 };
 
 function flagsOf(source: Source): Flag[] {

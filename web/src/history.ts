@@ -37,10 +37,19 @@ export const HAS_WARPED = NEAREST + 8;
 export const FORCE = NEAREST + 9; // N; NaN: it has no gauge, or the gauge is lost
 const TOOL_WIDTH = NEAREST + 10;
 
-export const WIDTH = FIRST_TOOL + TOOL_WIDTH * INSTRUMENTS;
+export const LOOSE = 8; // bodies that a case may have
+const FIRST_LOOSE = FIRST_TOOL + TOOL_WIDTH * INSTRUMENTS;
 
-function widthOf(instruments: Instruments): number {
-  return FIRST_TOOL + TOOL_WIDTH * instruments.length;
+// Places in a loose body's part of it.
+export const LOOSE_STATE = 0; // 1 + LooseMoment.State; 0: there is none
+export const LOOSE_ON = 1; // as of LooseMoment
+export const LOOSE_POSE = 2;
+const LOOSE_WIDTH = LOOSE_POSE + POSE;
+
+export const WIDTH = FIRST_LOOSE + LOOSE_WIDTH * LOOSE;
+
+function widthOf(instruments: Instruments, loose: boolean): number {
+  return loose ? WIDTH : FIRST_TOOL + TOOL_WIDTH * instruments.length;
 }
 
 export type Row = Float32Array;
@@ -53,6 +62,11 @@ export function bodyAt(body: number, virtual: boolean): number {
 /** Where an instrument's part of a row begins; `instrument` from 0, the probe. */
 export function toolAt(instrument: number): number {
   return FIRST_TOOL + TOOL_WIDTH * instrument;
+}
+
+/** Where a loose body's part of a row begins. */
+export function looseAt(body: number): number {
+  return FIRST_LOOSE + LOOSE_WIDTH * body;
 }
 
 export function newRow(): Row {
@@ -110,6 +124,12 @@ export function pack(moment: Moment, row: Row): void {
     const instrument = tool.channel - FIRST_INSTRUMENT;
     if (instrument >= 0 && instrument < INSTRUMENTS) putTool(row, tool);
   }
+  moment.loose.slice(0, LOOSE).forEach(({ state, on, pose }, body) => {
+    const at = looseAt(body);
+    if (!putPose(row, at + LOOSE_POSE, pose)) return;
+    row[at + LOOSE_STATE] = 1 + state;
+    row[at + LOOSE_ON] = on;
+  });
 }
 
 const PARKED_MM = 40; // from all surfaces
@@ -169,10 +189,10 @@ export const NEWEST_LIMITS: Limits = { recent: 2 * CHUNK_ROWS, older: 0 };
 
 const LEAST_SPACING_S = 0.125;
 
-// Rows with their times, in chunks. Places behind `width` are not kept: instruments that the session has not.
+// Rows with their times, in chunks. Places behind `width` are not kept: instruments and loose bodies that the session has not.
 class Rows {
   count = 0;
-  private width = widthOf(USUAL);
+  private width = widthOf(USUAL, false);
   private times = new Float64Array(CHUNK_ROWS);
   private readonly chunks: Float32Array[] = [];
 
@@ -232,6 +252,7 @@ class Rows {
 
 export class History {
   instruments: Instruments = USUAL; // of the session; what is kept of another goes with clear
+  loose = false; // whether its case has loose bodies
   /** Whether a force of an instrument has come. */
   hasForce = false;
   /** Seconds between the older moments of a limited history; 0: none has been left out. */
@@ -248,8 +269,8 @@ export class History {
   }
 
   clear(): void {
-    this.older.clear(widthOf(this.instruments));
-    this.recent.clear(widthOf(this.instruments));
+    this.older.clear(widthOf(this.instruments, this.loose));
+    this.recent.clear(widthOf(this.instruments, this.loose));
     this.spacing = 0;
     this.hasForce = false;
     this.last.set(newRow());

@@ -16,7 +16,7 @@ import { sentence, text } from "./text";
 export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "marker" | "metrics" | "progress" | "trouble" | "device";
 
 // Of each bit of Reply.events.
-export const EVENTS = ["state", "deviceLost", "deviceBack", "contact", "release", "cut", "piece", "refused", "undone"] as const;
+export const EVENTS = ["state", "deviceLost", "deviceBack", "contact", "release", "cut", "piece", "refused", "undone", "grasped", "dropped", "takenOut"] as const;
 export type EventName = (typeof EVENTS)[number];
 
 export interface TimedEvent {
@@ -191,6 +191,7 @@ export class FeedSource implements Source {
       session.id.join() === this.session.id.join();
     this.session = session;
     this.history.instruments = instrumentsOf(session.instruments);
+    this.history.loose = session.loose.length > 0;
     this.trouble = "";
     this.refused = false;
     if (!same) this.clear();

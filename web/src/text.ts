@@ -321,6 +321,7 @@ export const text = {
     events: {
       state: "State changed", deviceLost: "Device lost", deviceBack: "Device back", contact: "Touch", release: "Release",
       cut: "Cut", piece: "Piece detached", refused: "Cut refused", undone: "Cut undone",
+      grasped: "Loose body grasped", dropped: "Loose body dropped", takenOut: "Loose body taken out",
     } as Record<string, string>,
     blink: "Device lost briefly",
     eventOf: (event: string, devices: readonly string[] = []) => (devices.length ? `${event}: ${devices.join(", ")}` : event),

@@ -14,7 +14,7 @@ const OTHER = 40; // where the events of another session begin
 const SNAP = 5; // px
 
 const COLOURS: Record<string, string> = {
-  cut: "--plot-4", piece: "--plot-4", undone: "--plot-5", refused: "--now", deviceLost: "--now", deviceBack: "--good", state: "--look",
+  cut: "--plot-4", piece: "--plot-4", undone: "--plot-5", grasped: "--plot-4", takenOut: "--good", dropped: "--now", refused: "--now", deviceLost: "--now", deviceBack: "--good", state: "--look",
 };
 const BAND_COLOURS: Record<number, string> = {
   [SessionState.RUNNING]: "--accent", [SessionState.PAUSED]: "--act",

@@ -178,6 +178,7 @@ export class Viewport {
     if (index < 0) return false;
     history.read(index, this.row);
     joint.setInstruments(history.instruments);
+    joint.setLoose(this.source.session?.loose ?? []);
     this.toolbar.showTools(history.instruments, (instrument) => this.row[toolAt(instrument) + SEEN]! > 0);
     joint.setRow(this.row, history.time(index));
     joint.setTrails(history, history.time(index));

@@ -5,7 +5,7 @@ import {
   BufferAttribute, BufferGeometry, Color, Group, Line, LineBasicMaterial, Matrix4, Mesh, MeshBasicMaterial, Object3D, Quaternion,
   RingGeometry, SphereGeometry, Vector3,
 } from "three";
-import { CaseGroup_Kind } from "wire";
+import { CaseGroup_Kind, type LooseBody } from "wire";
 import {
   BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, LOST, NEAREST, OPENING, PENETRATION, SEEN, TIP, toolAt, WARPED,
   type History, type Row,
@@ -16,6 +16,7 @@ import type { Tissue } from "../mesh";
 import type { Knee } from "./anatomy";
 import { MAPS, scaledTo, type ColourMap, type MapName } from "./colours";
 import { shapeOf, type Shape } from "./instruments";
+import { LooseBodies } from "./loose";
 import { DetachedPieces } from "./pieces";
 import { steelMaterial } from "./materials";
 import { Surface } from "./surface";
@@ -93,6 +94,7 @@ export class Joint {
   private instruments: Instruments = USUAL;
   private readonly marker: Group;
   private readonly pieces = new DetachedPieces();
+  private readonly loose: LooseBodies;
   private show: Show = { ...USUAL_SHOW };
   private stale = new Set<Surface>(); // to be painted anew
   private paintedAt = 0;
@@ -102,6 +104,8 @@ export class Joint {
     this.surfaces = knee.groups.filter(({ body }) => body >= 0).map((group) => new Surface(group, inScope));
     for (const { physical, virtual } of this.bodies) this.root.add(physical, virtual);
     for (const surface of this.surfaces) this.bodies[surface.group.body]!.virtual.add(surface.shown);
+    this.loose = new LooseBodies(inScope);
+    this.root.add(this.loose.root);
     this.marker = markerShape();
     this.setShow(this.show);
   }
@@ -123,6 +127,11 @@ export class Joint {
       }
       this.tools[place] = undefined;
     });
+  }
+
+  /** The loose bodies of the session's case. */
+  setLoose(bodies: readonly LooseBody[]): void {
+    this.loose.set(bodies);
   }
 
   setShow(show: Show): void {
@@ -174,6 +183,7 @@ export class Joint {
       surface.otherPhysical.copy(this.bodies[body]!.physical.matrix).invert().multiply(this.bodies[other]!.physical.matrix);
     }
     for (let instrument = 0; instrument < this.instruments.length; instrument++) this.moveTool(instrument, row, time);
+    this.loose.move(row);
   }
 
   private moveTool(instrument: number, row: Row, time: number): void {

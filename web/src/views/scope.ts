@@ -9,6 +9,7 @@ import { loadKnee, type Knee } from "../scene/anatomy";
 import { Arthroscope } from "../scene/arthroscope";
 import type { MapName } from "../scene/colours";
 import { Joint } from "../scene/joint";
+import { carryLoose } from "../scene/loose";
 import { notchAngle, USUAL_OPTIC, type Optic } from "../scene/optic";
 import { NoWebGl } from "../scene/view3d";
 import { FeedSource, markerAt, noteAt, type Change } from "../source";
@@ -217,8 +218,10 @@ class Scope {
     if (!session) return; // the message shown instead stays
     const station = this.own;
     if (history.count) history.read(history.count - 1, this.row);
-    if (station) packView(station.newest!, this.near);
-    else this.near.set(this.row);
+    if (station) {
+      packView(station.newest!, this.near);
+      carryLoose(this.row, this.near);
+    } else this.near.set(this.row);
     if (!this.dirty && sameRow(this.near, this.drawn) && !runs(this.near)) return;
     optic.resolution.move();
     this.render(now, joint, optic);
@@ -232,6 +235,7 @@ class Scope {
     }
     const remark = markerAt(this.source, Infinity);
     joint.setMarker(remark?.point && { body: remark.body, point: remark.point });
+    joint.setLoose(this.source.session?.loose ?? []);
     const more = joint.paint(now);
     optic.setInstruments(this.source.history.instruments);
     const seen = optic.draw(this.near, now / 1000);

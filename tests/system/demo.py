@@ -139,6 +139,12 @@ class Tree(unittest.TestCase):
         shutil.copytree(moved, self.tree)
         self.assertEqual(configure(self.tree), 0)
 
+    def test_a_course_takes_no_other_option(self):
+        done = self.run_script("demo", "--course", "--seconds", "5")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("--course takes no other option", done.stderr)
+        self.assertEqual(self.calls(), [])
+
     def test_a_table_that_is_no_recording_is_answered_with_a_sentence(self):
         rows = (("a,b\n1,2\n", "lacks the columns t_seconds, tx_mm"), ("", "lacks the columns"),
                 (RECORDING.replace("12,0,0", "twelve,0,0"), "line 4: tx_mm is no number: twelve"),

@@ -1,9 +1,10 @@
-// Answers the requests of /api/v1 (docs/API.md): sign-in and roles, people, records, cases and
-// stations. It has no sockets and sees no running session.
+// Answers the requests of /api/v1 (docs/API.md): sign-in and roles, people, records, cases,
+// stations, tasks, courses and exams. It has no sockets and sees no running session.
 #pragma once
 
 #include "base/result.h"
 #include "case/case.h"
+#include "task/task.h"
 #include "web/web.h"
 
 #include <stdio.h>
@@ -40,9 +41,11 @@ struct api_config {
     // Writes a session's page, whole or not at all; from one thread at a time.
     enum result (*report)(void *user, const struct api_report *about, FILE *file,
                           struct error *err);
-    int port;                // the server's, for stations
-    void *user;              // of `report`
-    case_checker check_case; // before a case is read here; or NULL
+    int port;                 // the server's, for stations
+    void *user;               // of `report`
+    case_checker check_case;  // before a case is read here; or NULL
+    const struct task *tasks; // the library, as read at the server's start
+    int task_count;
 };
 
 struct api;

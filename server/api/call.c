@@ -117,7 +117,7 @@ static int depth_of(const char *text, size_t size) {
     return most;
 }
 
-static json_t *parse(struct api_call *call) {
+json_t *call_parse_body(struct api_call *call) {
     json_error_t why;
     const struct web_request *r = call->request;
     if (r->size > WEB_BODY_MAX || depth_of(r->body, r->size) > DEPTH_MAX) {
@@ -148,7 +148,7 @@ static bool is_among(const char *name, const char *const *names) {
 bool call_take_body(struct api_call *call, const char *const *fields) {
     const char *key;
     json_t *value;
-    call->body = parse(call);
+    call->body = call_parse_body(call);
     if (!call->body)
         return false;
     json_object_foreach(call->body, key, value) {
@@ -276,6 +276,47 @@ bool call_take_limit(struct api_call *call, const struct call_query *query, int 
                     "The parameter '%s' is a number from 1 to %d.", query->names[index], most);
     *out_limit = (int)number;
     return good;
+}
+
+// ---- courses ------------------------------------------------------------------------------------
+
+struct membership {
+    const char *course;
+    bool is_in;
+};
+
+static void take_course(void *user, const struct store_cell *cells, int count) {
+    struct membership *m = user;
+    (void)count;
+    m->is_in = m->is_in || !strcmp(cells[0].text, m->course);
+}
+
+// A trainee sees that of a course that they are in.
+bool call_may_see(struct api_call *call, const char *course) {
+    struct membership m = {.course = course};
+    struct error err = {""};
+    if (call->principal.role != ROLE_TRAINEE)
+        return true;
+    if (!course) {
+        call_refuse(call, 400, "wrong_query", "course", "The parameter 'course' is missing.");
+        return false;
+    }
+    enum result result =
+        store_courses_of(call->store, call->principal.trainee, take_course, &m, &err);
+    if (!call_check(call, result, &err))
+        return false;
+    if (!m.is_in)
+        call_refuse(call, 404, "not_found", NULL, "You are not in a course '%s'.", course);
+    return m.is_in;
+}
+
+void call_answer_rows(struct api_call *call, const char *key, json_t *rows, enum result result,
+                      const struct error *err) {
+    json_t *all = json_pack("{s:o}", key, rows);
+    if (call_check(call, result, err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
 }
 
 // ---- records ------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@
 #include "api/secret.h"
 #include "api/tally.h"
 #include "api/throttle.h"
+#include "net/signer.h"
 #include "store/store.h"
 
 #include <jansson.h>
@@ -19,6 +20,7 @@ struct api {
     struct api_config config;
     int64_t started_ns;
     struct secret_key key; // of codes and device cookies
+    struct signer *signer; // of results of exams
     struct throttle throttle;
     struct tally tally;
     pthread_mutex_t reports_lock;
@@ -37,7 +39,7 @@ struct api_call {
     struct store_principal principal; // if is_signed_in
     bool is_signed_in;
     char args[2][STORE_NAME_MAX]; // the parts of the path that match each *
-    json_t *body;                 // an object of texts, or NULL
+    json_t *body;                 // an object, or NULL
 };
 
 // ---- answers ------------------------------------------------------------------------------------
@@ -59,6 +61,10 @@ bool call_check_memory(struct api_call *call, enum result result);
 
 // ---- arguments ----------------------------------------------------------------------------------
 
+// The body as an object, which is empty where there is none; the caller releases it. NULL after a
+// refusal.
+json_t *call_parse_body(struct api_call *call);
+
 // Reads the body: an object of strings with no fields but these (NULL ends them). False, here and
 // below: the request has been refused.
 bool call_take_body(struct api_call *call, const char *const *fields);
@@ -71,9 +77,9 @@ bool call_need_name(struct api_call *call, const char *field, const char **out_n
 bool call_need_password(struct api_call *call, const char *field, const char **out_password);
 
 // Reads the parameters of the query. Refuses one that is unknown, repeated or too long.
-#define CALL_PARAMETERS_MAX 8
+#define CALL_PARAMETERS_MAX 10
 struct call_query {
-    const char *names[CALL_PARAMETERS_MAX]; // that are known; NULL behind the last
+    const char *names[CALL_PARAMETERS_MAX + 1]; // that are known; NULL behind the last
     char values[CALL_PARAMETERS_MAX][STORE_TEXT_MAX];
     bool given[CALL_PARAMETERS_MAX];
 };
@@ -81,6 +87,14 @@ bool call_take_query(struct api_call *call, struct call_query *query);
 const char *call_parameter(const struct call_query *query, int index); // NULL: not given
 bool call_take_limit(struct api_call *call, const struct call_query *query, int index, int most,
                      int usual, int *out_limit);
+
+// Whether the principal may see the figures of a course (NULL: of all trainees): a trainee only of
+// a course that they are in.
+bool call_may_see(struct api_call *call, const char *course);
+
+// Answers {key: rows}, or the error of reading them; takes the rows.
+void call_answer_rows(struct api_call *call, const char *key, json_t *rows, enum result result,
+                      const struct error *err);
 
 // ---- records ------------------------------------------------------------------------------------
 

@@ -44,6 +44,8 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
     pthread_mutex_init(&api->first_lock, NULL);
     enum result result = secret_key_load(config->keys_dir, &api->key, err);
     if (result == RESULT_OK)
+        result = signer_create(config->keys_dir, &api->signer, err);
+    if (result == RESULT_OK)
         result = look_for_instructor(api, err);
     if (result != RESULT_OK)
         api_destroy(&api);
@@ -56,6 +58,7 @@ void api_destroy(struct api **api) {
     if (!a)
         return;
     case_summaries_destroy(&a->summaries);
+    signer_destroy(&a->signer);
     pthread_mutex_destroy(&a->reports_lock);
     pthread_mutex_destroy(&a->throttle.lock);
     pthread_mutex_destroy(&a->tally.lock);

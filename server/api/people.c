@@ -3,16 +3,6 @@
 
 #include <string.h>
 
-// Answers {key: rows}, or the error of reading them.
-static void answer_rows(struct api_call *call, const char *key, json_t *rows, enum result result,
-                        const struct error *err) {
-    json_t *all = json_pack("{s:o}", key, rows);
-    if (call_check(call, result, err))
-        call_answer(call, 200, all);
-    else
-        json_decref(all);
-}
-
 // ---- trainees -----------------------------------------------------------------------------------
 
 static void take_trainee(void *array, const struct store_cell *cells, int count) {
@@ -27,7 +17,7 @@ void get_trainees(struct api_call *call) {
     struct error err = {""};
     json_t *rows = json_array();
     enum result result = store_rows(call->store, LIST_TRAINEES, NULL, take_trainee, rows, &err);
-    answer_rows(call, "trainees", rows, result, &err);
+    call_answer_rows(call, "trainees", rows, result, &err);
 }
 
 void post_trainees(struct api_call *call) {
@@ -120,7 +110,7 @@ void get_courses(struct api_call *call) {
     struct error err = {""};
     json_t *rows = json_array();
     enum result result = store_rows(call->store, LIST_COURSES, NULL, call_take_row, rows, &err);
-    answer_rows(call, "courses", rows, result, &err);
+    call_answer_rows(call, "courses", rows, result, &err);
 }
 
 void post_courses(struct api_call *call) {

@@ -31,7 +31,7 @@ extern const int route_count;
 const struct route *routes_find(const char *method, const char *path,
                                 char out_args[2][STORE_NAME_MAX], bool *out_there);
 
-// ---- answers: sign_in.c, accounts.c, people.c, stations.c, cases.c, sessions.c ----
+// ---- answers: each in the file of its kind ----
 
 void post_sign_in(struct api_call *call);
 void post_first(struct api_call *call);
@@ -82,3 +82,28 @@ void get_session_trace(struct api_call *call);
 void get_session_report(struct api_call *call);
 void get_distributions(struct api_call *call);
 void get_audit(struct api_call *call);
+
+void get_tasks(struct api_call *call);
+void get_task(struct api_call *call);
+void get_mark(struct api_call *call);
+void put_mark(struct api_call *call);
+void get_trials(struct api_call *call);
+void get_contrast(struct api_call *call);
+void get_curriculum(struct api_call *call);
+void put_curriculum(struct api_call *call);
+void get_progress(struct api_call *call);
+void get_today(struct api_call *call);
+void get_attempts(struct api_call *call);
+void get_attempt(struct api_call *call);
+void get_curve(struct api_call *call);
+void get_ratings(struct api_call *call);
+void post_rating(struct api_call *call);
+void get_rate(struct api_call *call);
+void get_agreement(struct api_call *call);
+void get_exams(struct api_call *call);
+void post_exams(struct api_call *call);
+void get_exam(struct api_call *call);
+void delete_exam(struct api_call *call);
+void post_exam_begin(struct api_call *call);
+void post_intervention(struct api_call *call);
+void post_exam_release(struct api_call *call);

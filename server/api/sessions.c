@@ -76,11 +76,7 @@ void get_audit(struct api_call *call) {
         return;
     json_t *rows = json_array();
     enum result result = store_last_audit(call->store, limit, call_take_row, rows, &err);
-    json_t *all = json_pack("{s:o}", "audit", rows);
-    if (call_check(call, result, &err))
-        call_answer(call, 200, all);
-    else
-        json_decref(all);
+    call_answer_rows(call, "audit", rows, result, &err);
 }
 
 // ---- one ----------------------------------------------------------------------------------------
@@ -239,36 +235,6 @@ static void take_figure(void *user, const struct store_cell *cells, int count) {
     g->values[g->count++] = cells[count - 1].real;
 }
 
-struct membership {
-    const char *course;
-    bool is_in;
-};
-
-static void take_course(void *user, const struct store_cell *cells, int count) {
-    struct membership *m = user;
-    (void)count;
-    m->is_in = m->is_in || !strcmp(cells[0].text, m->course);
-}
-
-// A trainee sees that of a course that they are in.
-static bool may_see(struct api_call *call, const char *course) {
-    struct membership m = {.course = course};
-    struct error err = {""};
-    if (!is_trainee(call))
-        return true;
-    if (!course) {
-        call_refuse(call, 400, "wrong_query", "course", "The parameter 'course' is missing.");
-        return false;
-    }
-    enum result result =
-        store_courses_of(call->store, call->principal.trainee, take_course, &m, &err);
-    if (!call_check(call, result, &err))
-        return false;
-    if (!m.is_in)
-        call_refuse(call, 404, "not_found", NULL, "You are not in a course '%s'.", course);
-    return m.is_in;
-}
-
 void get_distributions(struct api_call *call) {
     struct call_query query = {.names = {"case", "course"}};
     struct error err = {""};
@@ -279,18 +245,14 @@ void get_distributions(struct api_call *call) {
         call_refuse(call, 400, "wrong_query", "case", "The parameter 'case' is missing.");
         return;
     }
-    if (!may_see(call, course))
+    if (!call_may_see(call, course))
         return;
     struct metric_rows g = {.all = json_array()};
     enum result result =
         store_figures_on(call->store, name, course, is_trainee(call), take_figure, &g, &err);
     finish(&g);
     free(g.values);
-    json_t *all = json_pack("{s:o}", "distributions", g.all);
-    if (call_check(call, result, &err))
-        call_answer(call, 200, all);
-    else
-        json_decref(all);
+    call_answer_rows(call, "distributions", g.all, result, &err);
 }
 
 // ---- its report ---------------------------------------------------------------------------------
@@ -369,7 +331,7 @@ static bool choose_course(struct api_call *call, struct call_query *query, struc
     about->course = call_parameter(query, 0);
     about->records = call->api->config.records;
     if (about->course)
-        return may_see(call, about->course);
+        return call_may_see(call, about->course);
     if (!is_trainee(call))
         return true;
     enum result result =

@@ -11,7 +11,11 @@
 #define CERTIFICATE_MAX ((STORE_CERTIFICATE_MAX - 1) / 2)
 #define SIGNATURE_MAX ((STORE_SIGNATURE_MAX - 1) / 2)
 
-static const char text[] = "arthron audit, end"; // a trace's message begins with another text
+#define TEXT_SIZE 18
+static const char audit[] = "arthron audit, end"; // a trace's message begins with another text
+static const char exam[] = "arthron exams, end";
+
+_Static_assert(sizeof audit == TEXT_SIZE + 1 && sizeof exam == TEXT_SIZE + 1, "equally long");
 
 static void write_hex(const uint8_t *bytes, size_t size, char *out) {
     for (size_t i = 0; i < size; i++)
@@ -39,13 +43,14 @@ static bool read_hex(const char *hex, uint8_t *out, size_t room, size_t *out_siz
     return true;
 }
 
-static bool write_message(const struct store_audit_head *head, uint8_t out[TRACE_SEAL_SIZE]) {
+static bool write_message(const char *text, const struct store_audit_head *head,
+                          uint8_t out[TRACE_SEAL_SIZE]) {
     struct writer w = {out, TRACE_SEAL_SIZE, 0, false};
     uint8_t hash[TRACE_HASH_SIZE];
     size_t size;
     if (!read_hex(head->hash, hash, sizeof hash, &size) || size != sizeof hash)
         return false;
-    write_bytes(&w, text, sizeof text - 1);
+    write_bytes(&w, text, TEXT_SIZE);
     write_bytes(&w, hash, sizeof hash);
     write_u64(&w, (uint64_t)head->entry);
     write_u64(&w, 0);
@@ -53,36 +58,63 @@ static bool write_message(const struct store_audit_head *head, uint8_t out[TRACE
     return true;
 }
 
-enum result audit_seal_make(const struct trace_signer *signer, const struct store_audit_head *head,
-                            struct store_audit_seal *out, struct error *err) {
+static enum result make(const struct trace_signer *signer, const char *text,
+                        const struct store_audit_head *head, struct store_audit_seal *out,
+                        struct error *err) {
     uint8_t message[TRACE_SEAL_SIZE], certificate[CERTIFICATE_MAX], signature[SIGNATURE_MAX];
     size_t certificate_size = sizeof certificate, signature_size = sizeof signature;
     *out = (struct store_audit_seal){.head = *head, .utc_ns = clock_utc_ns()};
-    if (!write_message(head, message) ||
+    if (!write_message(text, head, message) ||
         !signer->sign(signer->context, message, sizeof message, certificate, &certificate_size,
                       signature, &signature_size))
-        return fail(err, RESULT_REFUSED, "the audit log cannot be signed");
+        return fail(err, RESULT_REFUSED, "the server has no key to sign with");
     write_hex(certificate, certificate_size, out->certificate);
     write_hex(signature, signature_size, out->signature);
     return RESULT_OK;
 }
 
-enum result audit_seal_check(const struct store_audit_seal *seal, const char *authority,
-                             char out_signed_by[TRACE_SIGNED_BY_MAX], struct error *err) {
+static enum result check(const char *text, const struct store_audit_seal *seal,
+                         const char *authority, char out_signed_by[TRACE_SIGNED_BY_MAX],
+                         struct error *err) {
     uint8_t certificate[CERTIFICATE_MAX], signature[SIGNATURE_MAX];
     struct trace_seal whole = {.certificate = certificate, .signature = signature};
     struct error why;
     out_signed_by[0] = '\0';
-    if (!write_message(&seal->head, whole.message) ||
+    if (!write_message(text, &seal->head, whole.message) ||
         !read_hex(seal->certificate, certificate, sizeof certificate, &whole.certificate_size) ||
         !read_hex(seal->signature, signature, sizeof signature, &whole.signature_size))
-        return fail(err, RESULT_FORMAT, "the signature of the audit log is malformed");
+        return fail(err, RESULT_FORMAT, "the signature is malformed");
     enum result result = trace_seal_check(&whole, authority, seal->utc_ns, out_signed_by, &why);
     if (result == RESULT_IO)
         return fail(err, result, "%s", why.text);
+    return result == RESULT_OK ? result
+                               : fail(err, result, "there is no valid signature of this authority");
+}
+
+enum result audit_seal_make(const struct trace_signer *signer, const struct store_audit_head *head,
+                            struct store_audit_seal *out, struct error *err) {
+    return make(signer, audit, head, out, err);
+}
+
+enum result audit_seal_check(const struct store_audit_seal *seal, const char *authority,
+                             char out_signed_by[TRACE_SIGNED_BY_MAX], struct error *err) {
+    struct error why;
+    enum result result = check(audit, seal, authority, out_signed_by, &why);
+    return result == RESULT_OK ? result : fail(err, result, "the audit log: %s", why.text);
+}
+
+enum result exam_seal_make(const struct trace_signer *signer, const struct store_audit_head *head,
+                           struct store_audit_seal *out, struct error *err) {
+    return make(signer, exam, head, out, err);
+}
+
+enum result exam_seal_check(const struct store_audit_seal *seal, const char *authority,
+                            char out_signed_by[TRACE_SIGNED_BY_MAX], struct error *err) {
+    struct error why;
+    enum result result = check(exam, seal, authority, out_signed_by, &why);
     return result == RESULT_OK
                ? result
-               : fail(err, result, "the audit log has no valid signature of this authority");
+               : fail(err, result, "exam %lld: %s", (long long)seal->head.entry, why.text);
 }
 
 // What was signed last, if anything was, must still be there.

@@ -70,6 +70,21 @@ enum result store_begin(struct store *store, struct error *err);
     "LEFT JOIN trainee ON trainee.id = s.trainee_id "                                              \
     "LEFT JOIN exam_task x ON x.attempt_id = a.id LEFT JOIN exam ON exam.id = x.exam_id "
 
+// The columns of LIST_EXAMS, of exams `e`.
+#define STORE_EXAMS                                                                                \
+    "SELECT e.id, course.name AS course, trainee.name AS trainee, e.title, e.state, e.seed, "      \
+    "e.created_utc_ns, e.begun_utc_ns, e.released_utc_ns, e.who, e.station_check, e.case_hash, "   \
+    "e.drift_mm, e.verdict, e.result, e.result_hash, e.certificate, e.signature, "                 \
+    "(SELECT count(*) FROM intervention i WHERE i.exam_id = e.id) AS interventions FROM exam e "   \
+    "JOIN trainee ON trainee.id = e.trainee_id LEFT JOIN course ON course.id = e.course_id "
+
+// The columns of LIST_RATINGS, of ratings `r`, attempts `a` and sessions `s`.
+#define STORE_RATINGS                                                                              \
+    "SELECT s.uuid AS session, a.number, account.name AS rater, r.utc_ns, r.safety, "              \
+    "r.field_of_view, r.camera_dexterity, r.instrument_dexterity, r.bimanual_dexterity, r.flow, "  \
+    "r.quality, r.autonomy, r.remark FROM rating r JOIN attempt a ON a.id = r.attempt_id "         \
+    "JOIN session s ON s.id = a.session_id LEFT JOIN account ON account.id = r.account_id "
+
 // A table whose rows have unique names.
 struct named_table {
     const char *name, *with_article; // "trainee", "a trainee": for errors and the audit log

@@ -1,5 +1,6 @@
 // The figures of many sessions; for a trainee, averages of groups of them.
 #include "base/check.h"
+#include "store/courses.h"
 #include "store/database.h"
 
 #include <math.h>
@@ -141,6 +142,36 @@ enum result store_figures_on(struct store *store, const char *case_name, const c
                              ? store_prepare(store, of_many, &statement, err, "tti", case_name,
                                              course, (int64_t)STORE_TRAINEES_MIN)
                              : store_prepare(store, all, &statement, err, "tt", case_name, course);
+    if (result != RESULT_OK)
+        return result;
+    return hide_few ? average(store, statement, take, user, err)
+                    : store_each_row(store, statement, take, user, err);
+}
+
+#define TIMES                                                                                      \
+    "WITH attempted AS (SELECT a.time_s, a.end, s.trainee_id, row_number() OVER "                  \
+    "(PARTITION BY s.trainee_id ORDER BY a.begun_utc_ns, a.id) AS number FROM attempt a "          \
+    "JOIN session s ON s.id = a.session_id WHERE a.task = ?1 AND a.purpose = 'practice' AND "      \
+    "s.trainee_id IS NOT NULL AND (?3 IS NULL OR a.hand = ?3) AND "                                \
+    "(?2 IS NULL OR s.trainee_id IN (SELECT trainee_id FROM enrolment WHERE course_id = "          \
+    "(SELECT id FROM course WHERE name = ?2)))), figure AS (SELECT 'time' AS metric, "             \
+    "?1 AS subject, number AS version, 's' AS unit, time_s AS value, trainee_id FROM attempted "   \
+    "WHERE end = 'done') "
+
+enum result store_times_at(struct store *store, const char *task, const char *course,
+                           const char *hand, bool hide_few, store_row_handler take, void *user,
+                           struct error *err) {
+    static const char all[] =
+        TIMES "SELECT metric, subject, version, unit, value FROM figure ORDER BY 3, 5";
+    static const char of_many[] =
+        TIMES "SELECT metric, subject, version, unit, value, trainee_id FROM figure WHERE version "
+              "IN (SELECT version FROM figure GROUP BY 1 HAVING count(DISTINCT trainee_id) >= ?4) "
+              "ORDER BY 3, 5";
+    sqlite3_stmt *statement;
+    enum result result =
+        hide_few ? store_prepare(store, of_many, &statement, err, "ttti", task, course, hand,
+                                 (int64_t)STORE_TRAINEES_MIN)
+                 : store_prepare(store, all, &statement, err, "ttt", task, course, hand);
     if (result != RESULT_OK)
         return result;
     return hide_few ? average(store, statement, take, user, err)

@@ -66,14 +66,7 @@ static const struct {
     [LIST_MARKS] = {"marks", "SELECT task, version, task_version, kind, source, time_s, errors, "
                              "created_utc_ns FROM pass_mark WHERE ?1 IS NULL OR task = ?1 "
                              "ORDER BY task, version"},
-    [LIST_EXAMS] = {"exams",
-                    "SELECT e.id, course.name AS course, trainee.name AS trainee, e.title, "
-                    "e.state, e.seed, e.created_utc_ns, e.begun_utc_ns, e.released_utc_ns, e.who, "
-                    "e.station_check, e.case_hash, e.drift_mm, e.verdict, e.result, "
-                    "e.result_hash, e.certificate, e.signature FROM exam e "
-                    "JOIN trainee ON trainee.id = e.trainee_id "
-                    "LEFT JOIN course ON course.id = e.course_id "
-                    "WHERE ?1 IS NULL OR e.id = ?1 ORDER BY e.id"},
+    [LIST_EXAMS] = {"exams", STORE_EXAMS "WHERE ?1 IS NULL OR e.id = ?1 ORDER BY e.id"},
     [LIST_EXAM_TASKS] = {"exam_tasks",
                          "SELECT x.exam_id AS exam, x.position, x.task, x.knee_case AS \"case\", "
                          "x.case_hash, x.hand, s.uuid AS session, a.number, a.verdict "
@@ -83,14 +76,11 @@ static const struct {
     [LIST_INTERVENTIONS] = {"interventions",
                             "SELECT exam_id AS exam, utc_ns, reason FROM intervention "
                             "WHERE ?1 IS NULL OR exam_id = ?1 ORDER BY id"},
-    [LIST_RATINGS] = {"ratings",
-                      "SELECT s.uuid AS session, a.number, account.name AS rater, r.utc_ns, "
-                      "r.safety, r.field_of_view, r.camera_dexterity, r.instrument_dexterity, "
-                      "r.bimanual_dexterity, r.flow, r.quality, r.autonomy, r.remark "
-                      "FROM rating r JOIN attempt a ON a.id = r.attempt_id "
-                      "JOIN session s ON s.id = a.session_id "
-                      "LEFT JOIN account ON account.id = r.account_id "
-                      "WHERE ?1 IS NULL OR s.uuid = ?1 ORDER BY r.id"},
+    [LIST_RATINGS] = {"ratings", STORE_RATINGS "WHERE ?1 IS NULL OR s.uuid = ?1 ORDER BY r.id"},
+    [LIST_EXAM_RATERS] = {"exam_raters",
+                          "SELECT r.exam_id AS exam, account.name AS rater FROM exam_rater r "
+                          "JOIN account ON account.id = r.account_id "
+                          "WHERE ?1 IS NULL OR r.exam_id = ?1 ORDER BY 1, account.id"},
 };
 
 const char *store_list_name(enum store_list list) {

@@ -281,11 +281,12 @@ enum store_list {
     LIST_ACCOUNTS,
     LIST_TOKENS, // of an account or trainee; without hashes
     LIST_AUDIT,
-    LIST_ATTEMPTS,  // of a session
-    LIST_CURRICULA, // of a course: the tasks of all versions
-    LIST_MARKS,     // of a task
-    LIST_EXAMS,     // by number
-    LIST_EXAM_TASKS,
+    LIST_ATTEMPTS,   // of a session
+    LIST_CURRICULA,  // of a course: the tasks of all versions
+    LIST_MARKS,      // of a task
+    LIST_EXAMS,      // by number
+    LIST_EXAM_TASKS, // these three by the exam's number
+    LIST_EXAM_RATERS,
     LIST_INTERVENTIONS,
     LIST_RATINGS, // of a session's attempts
     LIST_COUNT

@@ -29,7 +29,7 @@ struct web_account {
 
 // Texts live until on_request returns. Only `token` and `device` may be NULL.
 struct web_request {
-    const char *method; // "GET" (also for HEAD), "POST", "PATCH", "DELETE"
+    const char *method; // "GET" (also for HEAD), "POST", "PUT", "PATCH", "DELETE"
     const char *path;   // "/api/v1/...": unescaped, without the query
     const char *query;  // as received, without '?'
     const char *body;   // of `size` bytes, and a 0 behind them

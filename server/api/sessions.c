@@ -1,3 +1,4 @@
+#include "api/attempts.h"
 #include "api/routes.h"
 #include "base/check.h"
 
@@ -33,6 +34,24 @@ static json_t *take_next(json_t *rows, int limit) {
     return json_incref(json_object_get(json_array_get(rows, (size_t)limit - 1), "id"));
 }
 
+// Who rates an exam does not learn whose session it was. False after a refusal.
+static bool hide_name(struct api_call *call, json_t *row) {
+    const char *id = json_string_value(json_object_get(row, "id"));
+    if (attempt_is_blind(call, id))
+        json_object_set_new(row, "trainee", json_null());
+    return !call->response->status;
+}
+
+static bool hide_names(struct api_call *call, json_t *rows) {
+    size_t i;
+    json_t *row;
+    json_array_foreach(rows, i, row) {
+        if (!hide_name(call, row))
+            return false;
+    }
+    return true;
+}
+
 static void answer_sessions(struct api_call *call, struct store_filter filter) {
     struct error err = {""};
     json_t *rows = json_array();
@@ -40,7 +59,7 @@ static void answer_sessions(struct api_call *call, struct store_filter filter) {
     enum result result = store_find_sessions(call->store, &filter, take_session, rows, &err);
     json_t *next = take_next(rows, limit);
     json_t *all = json_pack("{s:o, s:o}", "sessions", rows, "next", next);
-    if (call_check(call, result, &err))
+    if (call_check(call, result, &err) && hide_names(call, rows))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -136,7 +155,7 @@ void get_session(struct api_call *call) {
     enum result result =
         store_rows(call->store, LIST_RESULTS, call->args[0], take_result, results, &err);
     json_t *all = json_pack("{s:o, s:o}", "session", row, "results", results);
-    if (call_check(call, result, &err))
+    if (call_check(call, result, &err) && hide_name(call, row))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -160,6 +179,13 @@ static bool find_trace(struct api_call *call, char out_path[STORE_TEXT_MAX]) {
     json_t *row = find_session(call);
     if (!row)
         return false;
+    if (attempt_is_blind(call, call->args[0])) {
+        json_decref(row);
+        if (!call->response->status)
+            call_refuse(call, 403, "not_allowed", NULL,
+                        "You rate an exam of this session, and its trace names the trainee.");
+        return false;
+    }
     note_reading(call, row);
     const char *trace = json_string_value(json_object_get(row, "trace"));
     snprintf(out_path, STORE_TEXT_MAX, "%s", trace ? trace : "");

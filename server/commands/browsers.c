@@ -6,6 +6,7 @@
 #include "live/live.h"
 #include "review/page.h"
 #include "store/store.h"
+#include "task/library.h"
 #include "web/host_check.h"
 
 #include <stddef.h>
@@ -190,6 +191,8 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
         .user = sessions,
         .check_case = served->check_case,
         .port = served->port,
+        .tasks = library_tasks(sessions_tasks(sessions)),
+        .task_count = library_count(sessions_tasks(sessions)),
     };
     return api_create(&config, &b->api, err);
 }

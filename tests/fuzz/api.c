@@ -136,8 +136,8 @@ static void write_path(const struct route *route, const char *part, char *out, s
 static void ask(struct api *api, char *line, const char *body, size_t size) {
     char path[700];
     struct web_response response = {0};
-    bool known = line[0] >= 'A' && line[0] < 'A' + route_count;
-    const struct route *route = known ? &routes[line[0] - 'A'] : NULL;
+    int number = (unsigned char)line[0] - 'A';
+    const struct route *route = number >= 0 && number < route_count ? &routes[number] : NULL;
     const char *who = line[1] ? strchr(people, line[1]) : NULL;
     char *part = strlen(line) > 3 ? line + 3 : line + strlen(line), *query = strchr(part, '?');
     if (query)

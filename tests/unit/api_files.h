@@ -26,7 +26,7 @@ extern char api_dir[];
 
 // Accounts grace (instructor), tom (technician), ada.l (trainee ada) without usable passwords;
 // trainees ada (course autumn) and eve; stations room-1 (ada) and room-2; cases healthy, and torn
-// whose folder is empty.
+// whose folder is empty; tasks steady, and probing with a probe.
 int api_begin(void **state);
 // The same without accounts.
 int api_begin_new(void **state);

@@ -59,6 +59,30 @@ static const struct {
     {"GET", "/sessions/" SESSION_ADA "/report", "ioc"},
     {"GET", "/distributions?case=healthy&course=autumn", "ioc"},
     {"GET", "/audit", "it"},
+    {"GET", "/tasks", "itoc"},
+    {"GET", "/tasks/steady", "itoc"},
+    {"GET", "/tasks/steady/mark", "i"},
+    {"PUT", "/tasks/steady/mark", "i"},
+    {"GET", "/tasks/steady/trials", "i"},
+    {"GET", "/tasks/steady/contrast?upper=autumn&lower=winter", "i"},
+    {"GET", "/courses/autumn/curriculum", "ioc"},
+    {"PUT", "/courses/autumn/curriculum", "i"},
+    {"GET", "/courses/autumn/progress", "ioc"},
+    {"GET", "/courses/autumn/agreement", "i"},
+    {"GET", "/trainees/me/today", "oc"},
+    {"GET", "/attempts", "ioc"},
+    {"GET", "/attempts/" SESSION_ADA "/1", "ioc"},
+    {"GET", "/attempts/" SESSION_ADA "/1/ratings", "ioc"},
+    {"POST", "/attempts/" SESSION_ADA "/1/ratings", "i"},
+    {"GET", "/curve?task=steady", "ioc"},
+    {"GET", "/rate", "i"},
+    {"GET", "/exams", "ioc"},
+    {"POST", "/exams", "i"},
+    {"GET", "/exams/7", "ioc"},
+    {"DELETE", "/exams/7", "i"},
+    {"POST", "/exams/7/begin", "i"},
+    {"POST", "/exams/7/interventions", "i"},
+    {"POST", "/exams/7/release", "i"},
 };
 #define RULES (int)(sizeof rules / sizeof *rules)
 
@@ -137,7 +161,7 @@ static void a_technician_manages_technicians_and_nobody_above(void **state) {
 
 static void no_route_is_without_a_rule(void **state) {
     (void)state;
-    bool found[64] = {false};
+    bool found[128] = {false};
     assert_int_equal(route_count, RULES);
     for (int i = 0; i < RULES; i++) {
         char path[128], args[2][STORE_NAME_MAX];
@@ -186,6 +210,18 @@ static void a_path_that_is_none_is_not_found(void **state) {
 }
 
 // ---- what is malformed --------------------------------------------------------------------------
+
+#define MARK(kind, source, time_s, errors, version)                                                \
+    "{\"kind\":\"" kind "\",\"source\":" source ",\"time_s\":" time_s ",\"errors\":" errors        \
+    ",\"version\":" version "}"
+#define PLAN(state, tasks) "{\"version\":0,\"state\":" state ",\"tasks\":[" tasks "]}"
+#define RATING(safety, autonomy)                                                                   \
+    "{\"safety\":" safety                                                                          \
+    ",\"field_of_view\":3,\"camera_dexterity\":3,\"instrument_dexterity\":3,"                      \
+    "\"bimanual_dexterity\":3,\"flow\":3,\"quality\":3,\"autonomy\":" autonomy "}"
+#define EXAM(course, tasks, cases, more)                                                           \
+    "{\"course\":\"" course "\",\"trainee\":\"ada\",\"title\":\"Final\",\"tasks\":[" tasks         \
+    "],\"cases\":[" cases "]" more "}"
 
 static const struct {
     const char *method, *path, *body;
@@ -285,6 +321,116 @@ static const struct {
     {"GET", "/sessions?%", NULL, 400, "wrong_query", "(none)"},
     {"GET", "/distributions", NULL, 400, "wrong_query", "case"},
     {"GET", "/audit?limit=x", NULL, 400, "wrong_query", "limit"},
+    {"GET", "/tasks/none", NULL, 404, "not_found", "(none)"},
+    {"GET", "/tasks/none/mark", NULL, 404, "not_found", "(none)"},
+    {"PUT", "/tasks/none/mark", "{}", 404, "not_found", "(none)"},
+    {"PUT", "/tasks/steady/mark", "{}", 400, "wrong_field", "kind"},
+    {"PUT", "/tasks/steady/mark", "[]", 400, "wrong_body", "(none)"},
+    {"PUT", "/tasks/steady/mark", MARK("dice", "\"us\"", "30", "0", "0"), 400, "wrong_field",
+     "(none)"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"\"", "30", "0", "0"), 400, "wrong_field",
+     "source"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "null", "30", "0", "0"), 400, "wrong_field",
+     "source"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"a\\nb\"", "30", "0", "0"), 400, "wrong_field",
+     "(none)"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"us\"", "0", "0", "0"), 400, "wrong_field",
+     "time_s"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"us\"", "1e9", "0", "0"), 400, "wrong_field",
+     "time_s"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"us\"", "\"30\"", "0", "0"), 400, "wrong_field",
+     "time_s"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"us\"", "30", "-1", "0"), 400, "wrong_field",
+     "errors"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"us\"", "30", "0.5", "0"), 400, "wrong_field",
+     "errors"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"us\"", "30", "0", "null"), 400, "wrong_field",
+     "version"},
+    {"PUT", "/tasks/steady/mark", MARK("by hand", "\"us\"", "30", "0", "1"), 409, "conflict",
+     "(none)"},
+    {"GET", "/tasks/steady/trials?time_s=x", NULL, 400, "wrong_query", "time_s"},
+    {"GET", "/tasks/steady/trials?errors=-1", NULL, 400, "wrong_query", "errors"},
+    {"GET", "/tasks/steady/contrast?upper=autumn", NULL, 400, "wrong_query", "lower"},
+    {"GET", "/courses/none/curriculum", NULL, 404, "not_found", "(none)"},
+    {"GET", "/courses/none/progress", NULL, 404, "not_found", "(none)"},
+    {"PUT", "/courses/none/curriculum", PLAN("\"draft\"", "{\"task\":\"steady\"}"), 404,
+     "not_found", "(none)"},
+    {"PUT", "/courses/autumn/curriculum", "{}", 400, "wrong_field", "version"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"old\"", ""), 400, "wrong_field", "state"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"draft\"", ""), 400, "wrong_field", "tasks"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"draft\"", "7"), 400, "wrong_field", "tasks"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"draft\"", "{}"), 400, "wrong_field", "task"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"draft\"", "{\"task\":\"none\"}"), 400,
+     "wrong_field", "task"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"draft\"", "{\"task\":\"steady\",\"weak\":1}"),
+     400, "wrong_field", "(none)"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"draft\"", "{\"task\":\"steady\",\"week\":0}"),
+     400, "wrong_field", "week"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"draft\"", "{\"task\":\"steady\",\"passes\":11}"),
+     400, "wrong_field", "passes"},
+    {"PUT", "/courses/autumn/curriculum",
+     PLAN("\"draft\"", "{\"task\":\"steady\",\"hands\":\"both\"}"), 400, "wrong_field", "hands"},
+    {"PUT", "/courses/autumn/curriculum",
+     PLAN("\"draft\"", "{\"task\":\"steady\",\"due_utc_s\":1e300}"), 400, "wrong_field",
+     "due_utc_s"},
+    {"PUT", "/courses/autumn/curriculum", PLAN("\"draft\"", "{\"task\":\"steady\",\"cases\":[7]}"),
+     400, "wrong_field", "cases"},
+    {"PUT", "/courses/autumn/curriculum",
+     PLAN("\"draft\"", "{\"task\":\"steady\",\"after\":[\"steady\"]}"), 400, "wrong_field",
+     "(none)"},
+    {"PUT", "/courses/autumn/curriculum",
+     PLAN("\"draft\"", "{\"task\":\"steady\"},{\"task\":\"steady\"}"), 400, "wrong_field",
+     "(none)"},
+    {"PUT", "/courses/autumn/curriculum", "{\"version\":0,\"state\":\"frozen\"}", 409, "conflict",
+     "(none)"},
+    {"PUT", "/courses/autumn/curriculum",
+     "{\"version\":3,\"state\":\"draft\",\"tasks\":[{\"task\":\"steady\"}]}", 409, "conflict",
+     "(none)"},
+    {"GET", "/attempts?limit=501", NULL, 400, "wrong_query", "limit"},
+    {"GET", "/attempts?before=7", NULL, 400, "wrong_query", "before"},
+    {"GET", "/attempts?from=yesterday", NULL, 400, "wrong_query", "from"},
+    {"GET", "/attempts?to=1e300", NULL, 400, "wrong_query", "to"},
+    {"GET", "/attempts/" SESSION_ADA "/1", NULL, 404, "not_found", "(none)"},
+    {"GET", "/attempts/" SESSION_ADA "/x", NULL, 404, "not_found", "(none)"},
+    {"GET", "/attempts/none/99999999999", NULL, 404, "not_found", "(none)"},
+    {"GET", "/curve", NULL, 400, "wrong_query", "task"},
+    {"GET", "/curve?task=steady", NULL, 400, "wrong_query", "trainee"},
+    {"GET", "/curve?task=none&trainee=ada", NULL, 404, "not_found", "(none)"},
+    {"POST", "/attempts/" SESSION_ADA "/1/ratings", "{}", 400, "wrong_field", "safety"},
+    {"POST", "/attempts/" SESSION_ADA "/1/ratings", RATING("6", "3"), 400, "wrong_field", "safety"},
+    {"POST", "/attempts/" SESSION_ADA "/1/ratings", RATING("3.5", "3"), 400, "wrong_field",
+     "safety"},
+    {"POST", "/attempts/" SESSION_ADA "/1/ratings", RATING("3", "4"), 400, "wrong_field",
+     "autonomy"},
+    {"POST", "/attempts/" SESSION_ADA "/1/ratings", RATING("3", "3"), 404, "not_found", "(none)"},
+    {"POST", "/exams", "{}", 400, "wrong_field", "course"},
+    {"POST", "/exams", EXAM("winter", "\"steady\"", "\"healthy\"", ""), 404, "not_found", "(none)"},
+    {"POST", "/exams", EXAM("autumn", "", "\"healthy\"", ""), 400, "wrong_field", "tasks"},
+    {"POST", "/exams", EXAM("autumn", "\"steady\"", "", ""), 400, "wrong_field", "cases"},
+    {"POST", "/exams", EXAM("autumn", "\"none\"", "\"healthy\"", ""), 400, "wrong_field", "tasks"},
+    {"POST", "/exams", EXAM("autumn", "\"steady\"", "\"none\"", ""), 400, "wrong_field", "cases"},
+    {"POST", "/exams", EXAM("autumn", "\"steady\"", "\"healthy\"", ",\"seed\":-1"), 400,
+     "wrong_field", "seed"},
+    {"POST", "/exams", EXAM("autumn", "\"steady\"", "\"healthy\"", ",\"hand\":\"third\""), 400,
+     "wrong_field", "hand"},
+    {"POST", "/exams", EXAM("autumn", "\"steady\"", "\"healthy\"", ",\"raters\":[\"tom\"]"), 400,
+     "wrong_field", "(none)"},
+    {"POST", "/exams",
+     EXAM("autumn", "\"steady\"", "\"healthy\"", ",\"raters\":[\"a\",\"b\",\"c\"]"), 400,
+     "wrong_field", "raters"},
+    {"POST", "/exams/7/begin", "{\"who\":false}", 400, "wrong_field", "who"},
+    {"POST", "/exams/7/begin",
+     "{\"who\":true,\"station_check\":true,\"case_hash\":true,\"drift_mm\":2.5}", 400,
+     "wrong_field", "drift_mm"},
+    {"POST", "/exams/7/begin",
+     "{\"who\":true,\"station_check\":true,\"case_hash\":true,\"drift_mm\":1}", 404, "not_found",
+     "(none)"},
+    {"POST", "/exams/7/interventions", "{\"reason\":\"x\"}", 400, "wrong_field", "reason"},
+    {"POST", "/exams/7/interventions", "{\"reason\":\"a fall\"}", 404, "not_found", "(none)"},
+    {"POST", "/exams/7/release", "{\"late\":true}", 400, "wrong_field", "(none)"},
+    {"POST", "/exams/7/release", "{}", 404, "not_found", "(none)"},
+    {"GET", "/exams/x", NULL, 404, "not_found", "(none)"},
+    {"DELETE", "/exams/7", NULL, 404, "not_found", "(none)"},
 };
 
 static void what_is_wrong_is_named(void **state) {

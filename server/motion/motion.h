@@ -23,6 +23,8 @@ enum motion_verb {
     MOTION_RESECT, // bites along the planned resection of a group
     MOTION_TRACE,  // a probe or a shaver goes along the margin of a planned resection
     MOTION_LOOK,   // the scope goes to where it sees a group, or a place of it
+    MOTION_STAND,  // the scope goes to where it sees two places by turning its optic alone
+    MOTION_TURN,   // the optic turns about the scope's axis until it looks towards a place
     MOTION_TOUCH,  // an instrument's tip goes to a place of a group, or as near as it comes, and
                    // rests there
     MOTION_TAKE,   // a jaw goes to a loose body, closes on it, withdraws and opens
@@ -37,6 +39,14 @@ struct motion_place {
     vec3 at;                      // with a landmark: from there, along the joint's axes
 };
 
+// What is still there of a group's planned resection, over its arc from the anterior to the
+// posterior end.
+#define MOTION_LEFT_COUNT 257
+struct motion_left {
+    double margin_mm[MOTION_LEFT_COUNT]; // how far the inner margin has come back
+    double depth_mm[MOTION_LEFT_COUNT];  // how deep behind it the plan goes on; 0: nothing is left
+};
+
 struct motion_step {
     enum motion_verb verb;
     enum channel tool;
@@ -47,17 +57,23 @@ struct motion_step {
     // look (0: as it comes).
     double amount;
     int64_t count; // of bites, at most
+    // Of a resection: bites go once along what is still there. NULL: the plan is whole, and bites
+    // go round again as deep as rounds before are expected to have left it.
+    const struct motion_left *left;
+    bool from_above; // with the punch turned over
 };
 
 const char *motion_verb_name(enum motion_verb verb); // as the script spells it
 
 #define MOTION_STEPS_MAX 256
+#define MOTION_OPTIC_DEG 30.0 // of a script that does not say it
 
 struct motion_script {
     double rate_hz;
     double speed_mm_s;        // a tip's highest speed
     double joint_speed_deg_s; // the joint's
     double tremor_mm;         // root mean square of a tip's tremor, 8 to 12 Hz
+    double optic_deg;         // tilt of the scope's optic
     int64_t seed;
     bool skips; // leaves out steps that cannot be played
     int step_count;
@@ -103,6 +119,15 @@ struct motion {
 enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
                         struct motion *out_motion, struct error *err);
 void motion_fini(struct motion *motion);
+
+// `now`: the patient's tissue as it is cut, in the group's frame. RESULT_MISSING: no such group, or
+// it has no plan.
+enum result motion_left(struct knee_case *knee, const char *group, const struct mesh *now,
+                        struct motion_left *out_left, struct error *err);
+
+// The case in memory gets what hands need: portals where it has none, and where `landmarks` is set,
+// all landmarks. motion_plan does so by itself. RESULT_INVALID where none are found.
+enum result motion_prepare(struct knee_case *knee, bool landmarks, struct error *err);
 
 // The columns are described in cases/README.md. RESULT_IO where the file does not take them.
 enum result motion_write(const struct motion *motion, FILE *file, struct error *err);

@@ -7,6 +7,7 @@
 static const double open_seconds = 0.5;
 static const double bite_distance = 5;   // from where a bite begins, mm
 static const double grasp_distance = 10; // a closed jaw there touches no loose body
+static const double roll_speed = 4;      // degrees for each mm of a tip's way
 
 pose plan_body_pose(const struct plan *plan, enum body body) {
     if (body == BODY_TIBIA)
@@ -105,7 +106,8 @@ static struct motion_tool_state hand_state(struct hand *hand, double t, vec3 up)
     double depth = hand_depth(hand);
     vec3 tip = vec3_add_scaled(hand->tip, fmin(depth / MOTION_SAFE_DEPTH, 1), shake);
     hand->rotation = rolled_up(hand->rotation, hand_direction(hand, tip), up);
-    return (struct motion_tool_state){{hand->rotation, tip}, hand->opening};
+    quat roll = quat_from_axis_angle((vec3){0, 0, 1}, hand->roll);
+    return (struct motion_tool_state){{quat_multiply(hand->rotation, roll), tip}, hand->opening};
 }
 
 vec3 plan_up(const struct plan *plan) {
@@ -153,6 +155,17 @@ enum result plan_move(struct plan *plan, struct hand *hand, vec3 to) {
     int rows = plan_rows(plan, vec3_distance(from, to), plan->script->speed_mm_s);
     for (int i = 1; i <= rows; i++) {
         hand->tip = vec3_lerp(from, to, plan_progress(i, rows));
+        if (plan_add_row(plan, NULL) != RESULT_OK)
+            return RESULT_INVALID;
+    }
+    return RESULT_OK;
+}
+
+enum result plan_roll(struct plan *plan, struct hand *hand, double roll) {
+    double from = hand->roll, way = DEG_PER_RAD * fabs(roll - from);
+    int rows = plan_rows(plan, way, roll_speed * plan->script->speed_mm_s);
+    for (int i = 1; way > 0 && i <= rows; i++) {
+        hand->roll = from + (roll - from) * plan_progress(i, rows);
         if (plan_add_row(plan, NULL) != RESULT_OK)
             return RESULT_INVALID;
     }

@@ -14,7 +14,8 @@ struct hand {
     double opening; // of a shaver: 1 while it runs
     bool inside;    // outside, the tip rests before the portal
     struct tremor tremor;
-    quat rotation; // of the last row
+    quat rotation; // of the last row, without the roll
+    double roll;   // about the shaft, radians
 };
 
 struct plan {
@@ -63,6 +64,9 @@ vec3 plan_before_bite(const struct hand *hand, vec3 target);
 // From plan_before_grasp, farther off: opens, goes to the target and closes.
 enum result plan_grasp(struct plan *plan, struct hand *hand, vec3 target);
 vec3 plan_before_grasp(const struct hand *hand, vec3 target);
+
+// The hand turns the instrument about its shaft.
+enum result plan_roll(struct plan *plan, struct hand *hand, double roll);
 
 // A smooth reach of so many rows (minimum jerk), so that nothing is faster than highest_speed.
 int plan_rows(const struct plan *plan, double way, double highest_speed);

@@ -13,10 +13,12 @@ enum result place_prepare(struct knee_case *knee, const struct motion_script *sc
     bool complete = knee->portal_count > 0;
     for (int i = 0; i < script->step_count && complete; i++)
         complete = is_known(knee, &script->steps[i].from) && is_known(knee, &script->steps[i].to);
-    if (complete)
-        return RESULT_OK;
+    return complete ? RESULT_OK : motion_prepare(knee, true, err);
+}
+
+enum result motion_prepare(struct knee_case *knee, bool landmarks, struct error *err) {
     double clear_mm[2];
-    enum result result = landmarks_find(knee, NULL, err);
+    enum result result = landmarks ? landmarks_find(knee, NULL, err) : RESULT_OK;
     if (result == RESULT_OK && knee->portal_count == 0)
         result = landmarks_find_portals(knee, clear_mm, err);
     if (result != RESULT_OK)

@@ -1,4 +1,5 @@
 #include "base/check.h"
+#include "motion/look.h"
 #include "motion/motion.h"
 #include "motion/move.h"
 #include "motion/path.h"
@@ -174,8 +175,11 @@ static enum result resect(struct plan *plan, struct hand *hand, const struct mot
     if (find_group(plan, step->name, &group) != RESULT_OK)
         return RESULT_MISSING;
     struct resection resection;
-    enum result result = resection_init(&resection, plan, group);
-    if (result == RESULT_OK && step->verb == MOTION_RESECT)
+    enum result result = resection_init(&resection, plan->knee, group, plan->err);
+    if (result == RESULT_OK && step->left)
+        result =
+            resection_bite_left(&resection, plan, hand, step->left, step->from_above, step->count);
+    else if (result == RESULT_OK && step->verb == MOTION_RESECT)
         result = resection_bite(&resection, plan, hand, step->count);
     else if (result == RESULT_OK)
         result = resection_trace(&resection, plan, hand);
@@ -211,80 +215,15 @@ static enum result touch_place(struct plan *plan, struct hand *hand,
 
 // ---- look ---------------------------------------------------------------------------------------
 
-static const double look_distances[] = {18, 22, 14, 26, 10, 30}; // to what the scope looks at, mm
-
-static bool is_planned(const struct case_group *group, vec3 p) {
-    for (int i = 0; i < group->lesion.plan.part_count; i++)
-        if (convex_contains(&group->lesion.plan.parts[i], p))
-            return true;
-    return false;
-}
-
-// What there is to see of a group: where its resection is planned, or else its middle.
-static vec3 sight_of(const struct case_group *group) {
-    struct box box = mesh_bounds(&group->mesh);
-    vec3 sum = {0};
-    int count = 0;
-    for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
-        vec3 p = mesh_vertex(&group->mesh, v);
-        if (is_planned(group, p)) {
-            sum = vec3_add(sum, p);
-            count++;
-        }
-    }
-    return count ? vec3_scale(1.0 / count, sum) : vec3_lerp(box.min, box.max, 0.5);
-}
-
-// Where the tip sees the point straight ahead through an optic that is tilted up by so much: the
-// shaft's direction follows from the tip and the tip from it.
-static vec3 look_from(const struct plan *plan, const struct hand *hand, vec3 point, double distance,
-                      double tilt) {
-    vec3 tip = vec3_add_scaled(point, -distance, hand_direction(hand, point));
-    for (int i = 0; i < 20; i++) {
-        vec3 shaft = hand_direction(hand, tip);
-        vec3 aside = vec3_unit_or(vec3_cross(shaft, plan_up(plan)), (vec3){1, 0, 0});
-        vec3 sight = quat_rotate(quat_from_axis_angle(aside, tilt), shaft);
-        tip = vec3_add_scaled(point, -distance, sight);
-    }
-    return tip;
-}
-
-// A tip so far away from which the point is straight ahead and, where it has to be, no bone hides
-// it.
-static bool look_at(const struct plan *plan, const struct hand *hand, vec3 point, double distance,
-                    bool seen, vec3 *out_tip) {
-    for (int tilt_deg = 30; tilt_deg >= 0; tilt_deg -= 5) {
-        *out_tip = look_from(plan, hand, point, distance, tilt_deg * RAD_PER_DEG);
-        if (plan_is_clear(plan, hand, *out_tip) && (!seen || plan_sees(plan, *out_tip, point)))
-            return true;
-    }
-    return false;
-}
-
-// distance: 0 for any.
-static bool find_look(const struct plan *plan, const struct hand *hand, vec3 point, double distance,
-                      bool seen, vec3 *out_tip) {
-    if (distance > 0)
-        return look_at(plan, hand, point, distance, seen, out_tip);
-    for (size_t i = 0; i < sizeof look_distances / sizeof *look_distances; i++)
-        if (look_at(plan, hand, point, look_distances[i], seen, out_tip))
-            return true;
-    return false;
-}
-
-// With the usual optic of 30 degrees in the middle of its picture, or as near to that as bones let.
 static enum result look(struct plan *plan, struct hand *hand, const struct motion_step *step) {
     struct case_group *group;
     if (find_group(plan, step->name, &group) != RESULT_OK)
         return RESULT_MISSING;
-    vec3 seen = sight_of(group), tip;
-    if (step->has_place && place_find(plan->knee, &step->from, &seen, plan->err) != RESULT_OK)
-        return RESULT_MISSING;
-    vec3 point = pose_apply(plan_body_pose(plan, group->body), seen);
-    if (find_look(plan, hand, point, step->amount, true, &tip) ||
-        find_look(plan, hand, point, step->amount, false, &tip))
-        return plan_reach(plan, hand, tip);
-    return fail_in(plan->err, plan_refuse(plan, hand, tip), "%s cannot be seen: ", group->name);
+    if (step->verb == MOTION_STAND)
+        return look_stand(plan, hand, step, group);
+    if (step->verb == MOTION_TURN)
+        return look_turn(plan, hand, step, group);
+    return look_to(plan, hand, step, group);
 }
 
 // ---- the whole script ---------------------------------------------------------------------------
@@ -308,7 +247,7 @@ static enum result do_step(struct plan *plan, const struct motion_step *step) {
         return touch_place(plan, hand, step);
     if (step->verb == MOTION_TAKE)
         return take(plan, hand, step);
-    if (step->verb == MOTION_LOOK)
+    if (step->verb == MOTION_LOOK || step->verb == MOTION_STAND || step->verb == MOTION_TURN)
         return look(plan, hand, step);
     if (step->verb == MOTION_RESECT || step->verb == MOTION_TRACE)
         return resect(plan, hand, step);
@@ -379,7 +318,8 @@ static void leave_out(struct plan *plan, const struct plan *before, size_t row_c
 
 static bool is_work(enum motion_verb verb) {
     return verb == MOTION_PALPATE || verb == MOTION_BITE || verb == MOTION_RESECT ||
-           verb == MOTION_TRACE || verb == MOTION_LOOK || verb == MOTION_TOUCH;
+           verb == MOTION_TRACE || verb == MOTION_LOOK || verb == MOTION_STAND ||
+           verb == MOTION_TURN || verb == MOTION_TOUCH;
 }
 
 static enum result do_steps(struct plan *plan) {

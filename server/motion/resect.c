@@ -6,8 +6,14 @@
 
 #include <stdlib.h>
 
-static const double least_depth = 1.5; // of a bite that is worth it, mm
-static const double bite_depth = 3.5;  // of the tip from the inner margin, mm
+static const double least_depth = 1.5;  // of a bite that is worth it, mm
+static const double bite_depth = 3.5;   // of the tip from the inner margin, mm
+static const double least_left = 0.5;   // mm of what is left that is worth a bite
+static const double jaw_reach = 4.5;    // of the jaws, which are 6 mm long, that is worth a bite
+static const double most_off = 0.6;     // mm
+static const double left_spacing = 1.4; // along the inner margin, mm
+static const double corner_spare = 1.2; // mm by which a corner may reach beyond it
+static const double half_turn = 180 * RAD_PER_DEG;
 static const double bite_gain = 1.2;   // by which a round takes the margin back
 static const double bite_spacing = 2;  // along the inner margin, mm
 static const double half_jaw = 1.75;   // of the punch (cut/blade.h), mm
@@ -48,20 +54,21 @@ static void measure_plan(struct resection *r) {
     }
 }
 
-enum result resection_init(struct resection *r, struct plan *plan, const struct case_group *group) {
+enum result resection_init(struct resection *r, const struct knee_case *knee,
+                           const struct case_group *group, struct error *err) {
     *r = (struct resection){.group = group};
     if (group->lesion.plan.part_count == 0)
-        return fail(plan->err, RESULT_MISSING, "%s has no planned resection", group->name);
+        return fail(err, RESULT_MISSING, "%s has no planned resection", group->name);
     case_group_virtual(group, &r->whole);
-    pose T_body_joint = group->body == BODY_TIBIA ? plan->knee->joint.T_tibia_joint
-                                                  : plan->knee->joint.T_femur_joint;
-    enum result result = query_create(&r->whole, &r->query, plan->err);
+    pose T_body_joint =
+        group->body == BODY_TIBIA ? knee->joint.T_tibia_joint : knee->joint.T_femur_joint;
+    enum result result = query_create(&r->whole, &r->query, err);
     if (result == RESULT_OK)
-        result = arc_create(&r->whole, T_body_joint, &r->arc, plan->err);
+        result = arc_create(&r->whole, T_body_joint, &r->arc, err);
     if (result == RESULT_OK)
         measure_plan(r);
     if (result == RESULT_OK && r->from >= r->to)
-        result = fail(plan->err, RESULT_INVALID,
+        result = fail(err, RESULT_INVALID,
                       "the planned resection of %s does not reach its inner margin", group->name);
     return result;
 }
@@ -70,6 +77,53 @@ void resection_fini(struct resection *r) {
     arc_destroy(&r->arc);
     query_destroy(&r->query);
     mesh_fini(&r->whole);
+}
+
+// ---- what is still there ------------------------------------------------------------------------
+
+static const double left_step = 0.2;                  // mm
+static const double left_heights[] = {0.2, 0.5, 0.8}; // shares of the tissue's height
+
+static bool is_there(const struct resection *r, const struct solid *now, double along,
+                     double depth) {
+    double inward = arc_width(r->arc, along) - depth, lower, upper;
+    arc_heights(r->arc, along, inward, &lower, &upper);
+    for (size_t i = 0; i < sizeof left_heights / sizeof *left_heights; i++) {
+        double height = lower + left_heights[i] * (upper - lower);
+        uint32_t hint = MESH_NONE;
+        vec3 p = arc_point(r->arc, (struct arc_place){along, inward, height});
+        if (solid_distance(now, p, &hint) < 0)
+            return true;
+    }
+    return false;
+}
+
+static void measure_left(const struct resection *r, const struct solid *now,
+                         struct motion_left *out) {
+    for (int i = 0; i <= RESECTION_SAMPLES; i++) {
+        double margin = left_step / 2;
+        while (margin < r->depths[i] && !is_there(r, now, (double)i / RESECTION_SAMPLES, margin))
+            margin += left_step;
+        out->margin_mm[i] = margin;
+        out->depth_mm[i] = fmax(r->depths[i] - margin, 0);
+    }
+}
+
+enum result motion_left(struct knee_case *knee, const char *name, const struct mesh *now,
+                        struct motion_left *out_left, struct error *err) {
+    struct resection r;
+    struct solid solid = {0};
+    const struct case_group *group = case_group(knee, name);
+    if (!group)
+        return fail(err, RESULT_MISSING, "the case has no group %s", name);
+    enum result result = resection_init(&r, knee, group, err);
+    if (result == RESULT_OK)
+        result = solid_init(&solid, now, err);
+    if (result == RESULT_OK)
+        measure_left(&r, &solid, out_left);
+    solid_fini(&solid);
+    resection_fini(&r);
+    return result;
 }
 
 // ---- places on the mock-up ----------------------------------------------------------------------
@@ -126,18 +180,30 @@ static bool find_bite(const struct resection *r, struct plan *plan, const struct
     return false;
 }
 
-enum result resection_bite(const struct resection *r, struct plan *plan, struct hand *hand,
-                           int count) {
+static int bite_places(const struct resection *r, double spacing) {
     double radius = arc_radius(r->arc, r->from) - arc_width(r->arc, r->from);
     double length = (r->to - r->from) * arc_angle(r->arc) * radius;
-    int places = (int)fmax(1, round(length / bite_spacing)), bites = 0, before;
-    int round_number = 0;
+    return (int)fmax(1, round(length / spacing));
+}
+
+static double bite_along(const struct resection *r, int place, int places) {
+    return r->from + (r->to - r->from) * (place + 0.5) / places;
+}
+
+static enum result no_bite(const struct resection *r, struct plan *plan, const struct hand *hand) {
+    return fail(plan->err, RESULT_INVALID,
+                "no place of the planned resection of %s can be reached from the portal %s",
+                r->group->name, hand->portal.name);
+}
+
+enum result resection_bite(const struct resection *r, struct plan *plan, struct hand *hand,
+                           int count) {
+    int places = bite_places(r, bite_spacing), bites = 0, before, round_number = 0;
     do {
         before = bites;
         for (int i = 0; i < places && bites < count; i++) {
-            double along = r->from + (r->to - r->from) * (i + 0.5) / places;
             vec3 tip;
-            if (!find_bite(r, plan, hand, along, round_number, &tip))
+            if (!find_bite(r, plan, hand, bite_along(r, i, places), round_number, &tip))
                 continue;
             if (plan_approach(plan, hand, plan_before_bite(hand, tip)) != RESULT_OK ||
                 plan_bite(plan, hand, tip) != RESULT_OK)
@@ -146,11 +212,73 @@ enum result resection_bite(const struct resection *r, struct plan *plan, struct 
         }
         round_number++;
     } while (bites > before && bites < count);
-    if (bites > 0)
-        return RESULT_OK;
-    return fail(plan->err, RESULT_INVALID,
-                "no place of the planned resection of %s can be reached from the portal %s",
-                r->group->name, hand->portal.name);
+    return bites > 0 ? RESULT_OK : no_bite(r, plan, hand);
+}
+
+static bool bites_at(const struct plan *plan, const struct hand *hand, vec3 tip) {
+    return plan_is_clear(plan, hand, tip) && plan_is_clear(plan, hand, plan_before_bite(hand, tip));
+}
+
+// As far off the tissue as bones let, so that the jaw that does not move passes by its margin.
+static bool get_off(const struct resection *r, const struct plan *plan, const struct hand *hand,
+                    bool is_upper, vec3 *tip) {
+    vec3 up = quat_rotate(plan_body_pose(plan, r->group->body).rotation, arc_up(r->arc)), at = *tip;
+    for (double off = most_off; off >= 0; off -= most_off / 3) {
+        *tip = vec3_add_scaled(at, is_upper ? off : -off, up);
+        if (bites_at(plan, hand, *tip))
+            return true;
+    }
+    return false;
+}
+
+// How far from the margin a tip may be for the jaws to reach back to it along an oblique shaft.
+static double jaw_depth(const struct resection *r, const struct plan *plan, const struct hand *hand,
+                        double along) {
+    vec3 at = on_side(r, plan, along, bite_depth, false);
+    quat turn = plan_body_pose(plan, r->group->body).rotation;
+    return jaw_reach *
+           vec3_dot(hand_direction(hand, at), quat_rotate(turn, arc_outward(r->arc, along)));
+}
+
+// What is left lies behind a margin that has come back, but the hand bites at the mock-up's, which
+// has not: there the rest of the width is stretched over the whole of it.
+static bool find_bite_left(const struct resection *r, struct plan *plan, const struct hand *hand,
+                           const struct motion_left *left, bool is_upper, double along,
+                           vec3 *out_tip) {
+    int i = (int)lround(along * RESECTION_SAMPLES);
+    double width = arc_width(r->arc, along), stretch = width / (width - left->margin_mm[i]);
+    double most = fmin(left->depth_mm[i], jaw_depth(r, plan, hand, along));
+    for (double depth = fmin(bite_depth, most); depth >= least_left; depth -= 0.2) {
+        *out_tip = on_side(r, plan, along, fmin(depth * stretch, width - 1), is_upper);
+        if (depth + corner_reach(r, plan, hand, along, *out_tip) <=
+                left->depth_mm[i] + corner_spare &&
+            get_off(r, plan, hand, is_upper, out_tip))
+            return true;
+    }
+    return false;
+}
+
+static enum result bite_left(const struct resection *r, struct plan *plan, struct hand *hand,
+                             const struct motion_left *left, bool is_upper, int count) {
+    int places = bite_places(r, left_spacing), bites = 0;
+    for (int i = 0; i < places && bites < count; i++) {
+        vec3 tip;
+        if (!find_bite_left(r, plan, hand, left, is_upper, bite_along(r, i, places), &tip))
+            continue;
+        if (plan_approach(plan, hand, plan_before_bite(hand, tip)) != RESULT_OK ||
+            plan_bite(plan, hand, tip) != RESULT_OK)
+            return RESULT_INVALID;
+        bites++;
+    }
+    return bites > 0 ? RESULT_OK : no_bite(r, plan, hand);
+}
+
+enum result resection_bite_left(const struct resection *r, struct plan *plan, struct hand *hand,
+                                const struct motion_left *left, bool is_upper, int count) {
+    enum result result = plan_roll(plan, hand, is_upper ? half_turn : 0);
+    if (result == RESULT_OK)
+        result = bite_left(r, plan, hand, left, is_upper, count);
+    return result == RESULT_OK ? plan_roll(plan, hand, 0) : result;
 }
 
 // ---- a way along the margin ---------------------------------------------------------------------

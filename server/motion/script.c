@@ -26,6 +26,7 @@ static const struct script_key number_keys[] = {
     {"speed_mm_s", offsetof(struct motion_script, speed_mm_s), 1, 200},
     {"joint_speed_deg_s", offsetof(struct motion_script, joint_speed_deg_s), 1, 90},
     {"tremor_mm", offsetof(struct motion_script, tremor_mm), 0, 2},
+    {"optic_deg", offsetof(struct motion_script, optic_deg), 0, 90},
 };
 
 #define PLACE_IS ", a place being X Y Z or LANDMARK [X Y Z]"
@@ -42,6 +43,8 @@ static const struct {
     [MOTION_RESECT] = {"resect", "punch GROUP BITES from 1 to 100"},
     [MOTION_TRACE] = {"trace", "probe or shaver, and GROUP"},
     [MOTION_LOOK] = {"look", "GROUP [PLACE]" PLACE_IS},
+    [MOTION_STAND] = {"stand", "GROUP PLACE PLACE" PLACE_IS},
+    [MOTION_TURN] = {"turn", "GROUP PLACE" PLACE_IS},
     [MOTION_TOUCH] = {"touch", "INSTRUMENT GROUP PLACE" PLACE_IS},
     [MOTION_TAKE] = {"take", "INSTRUMENT LOOSE"},
     [MOTION_WAIT] = {"wait", "SECONDS from 0 to 60"},
@@ -175,6 +178,10 @@ static bool read_words(struct motion_step *step, const char *const *words, int c
     case MOTION_LOOK:
         step->tool = CHANNEL_SCOPE;
         return read_places(step, words, count, count > 1);
+    case MOTION_STAND:
+    case MOTION_TURN:
+        step->tool = CHANNEL_SCOPE;
+        return read_places(step, words, count, step->verb == MOTION_STAND ? 2 : 1);
     case MOTION_TOUCH:
         step->amount = touch_seconds;
         return count > 2 && read_tool(words[0], &step->tool) &&
@@ -227,8 +234,11 @@ static int read_entry(void *user, const char *section, const char *key, const ch
 
 enum result motion_script_load(const char *path, struct motion_script *out_script,
                                struct error *err) {
-    *out_script = (struct motion_script){
-        .rate_hz = 100, .speed_mm_s = 40, .joint_speed_deg_s = 20, .seed = 1};
+    *out_script = (struct motion_script){.rate_hz = 100,
+                                         .speed_mm_s = 40,
+                                         .joint_speed_deg_s = 20,
+                                         .seed = 1,
+                                         .optic_deg = MOTION_OPTIC_DEG};
     struct script_reader r = {.script = out_script, .err = err, .result = RESULT_OK};
     int line = ini_parse(path, read_entry, &r);
     if (line < 0)

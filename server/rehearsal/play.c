@@ -3,25 +3,31 @@
 #include "base/clock.h"
 #include "step/session.h"
 
+// A job takes so long, so the moves of a closing jaw go into few jobs.
+#define JOB_NS (100 * NS_PER_MS)
+
 struct play {
     struct session *session;
     struct operation *operation;
     const struct site *site;
     struct attempt *attempt;
-    struct job_result *landing; // at the next step
+    struct job_result *landing;
+    int64_t lands_ns;
 };
 
 static void step(struct play *play, const struct session_input *input) {
     struct session_output output;
     session_step(play->session, input, &output);
     attempt_step(play->attempt, play->site, &output);
-    if (output.job.id)
-        play->landing = operation_run(play->operation, &output.job);
+    if (!output.job.id)
+        return;
+    play->landing = operation_run(play->operation, &output.job);
+    play->lands_ns = output.time_ns + JOB_NS;
 }
 
 static void land(struct play *play, int64_t time_ns) {
     struct job_result *result = play->landing;
-    if (!result)
+    if (!result || time_ns < play->lands_ns)
         return;
     play->landing = NULL;
     step(play, &(struct session_input){
@@ -56,7 +62,7 @@ static void play_row(struct play *play, const struct motion *motion, size_t row,
 }
 
 void play_motion(const struct motion *motion, double rate_hz, const struct scene *scene,
-                 const struct site *site, struct attempt *out_attempt) {
+                 const struct site *site, struct attempt *out_attempt, struct mesh *out_tissues) {
     struct session_settings settings = session_settings_default();
     settings.instruments = *site_tools(site);
     struct play play = {
@@ -74,6 +80,8 @@ void play_motion(const struct motion *motion, double rate_hz, const struct scene
         play_row(&play, motion, row, time_ns);
     }
     job_result_destroy(&play.landing);
+    for (int i = 0; out_tissues && i < scene_tissue_count(scene); i++)
+        cut_mesh_flatten(operation_mesh(play.operation, i), &out_tissues[i], NULL, NULL);
     attempt_leave(out_attempt);
     operation_destroy(&play.operation);
     session_destroy(&play.session);

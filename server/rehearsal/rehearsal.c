@@ -1,79 +1,21 @@
-#include "rehearsal/rehearsal.h"
-
 #include "base/check.h"
-#include "landmarks/landmarks.h"
+#include "rehearsal/planner.h"
 #include "rehearsal/play.h"
 #include "rehearsal/take.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define SETTLE_S 0.4 // that hands rest longer than a goal asks
-#define BITES 40
+#define SETTLE_S 0.4  // that hands rest longer than a goal asks
 #define USUAL_MM 20.0 // from which a scope looks
 #define CLEAR_MM 2.0  // inside the bounds of a distance
-#define DETOURS 2     // of a novice before each goal
 
-// How the joint is held where a goal does not say it, in the order in which it is tried: each opens
-// another place. And from where the scope looks, mm; 0: as it comes.
-static const struct stance {
-    double flexion_deg, valgus_deg, distance;
-} stances[] = {{20, 0, 0},  {20, 8, 0},  {20, -8, 0}, {45, 0, 0},  {70, 0, 0},
-               {90, 0, 0},  {90, -8, 0}, {5, 0, 0},   {20, 8, 12}, {20, -8, 12},
-               {20, 8, 26}, {90, 0, 26}, {90, -8, 26}};
+// In the order in which they are tried: each opens another place.
+static const struct stance stances[] = {
+    {20, 0, 0}, {20, 8, 0},  {20, -8, 0},  {45, 0, 0},  {70, 0, 0},  {90, 0, 0},  {90, -8, 0},
+    {5, 0, 0},  {20, 8, 12}, {20, -8, 12}, {20, 8, 26}, {90, 0, 26}, {90, -8, 26}};
 #define STANCE_COUNT ((int)(sizeof stances / sizeof *stances))
-
-struct planner {
-    const struct task *task;
-    struct knee_case *knee;
-    const struct scene *scene;
-    struct site *site;
-    uint64_t chance;
-    const char *portals[2]; // of the scope, and of the other hand
-    struct motion_script *script, *trial;
-    struct rehearsal *out;
-    struct error *err;
-};
-
-// ---- steps --------------------------------------------------------------------------------------
-
-static struct motion_step *add(struct motion_script *script, enum motion_verb verb) {
-    if (script->step_count == MOTION_STEPS_MAX)
-        return NULL;
-    struct motion_step *step = &script->steps[script->step_count++];
-    *step = (struct motion_step){.verb = verb};
-    return step;
-}
-
-static void add_amount(struct motion_script *script, enum motion_verb verb, double amount) {
-    struct motion_step *step = add(script, verb);
-    if (step)
-        step->amount = amount;
-}
-
-static struct motion_step *add_named(struct motion_script *script, enum motion_verb verb,
-                                     enum channel tool, const char *name) {
-    struct motion_step *step = add(script, verb);
-    if (!step)
-        return NULL;
-    step->tool = tool;
-    snprintf(step->name, sizeof step->name, "%s", name);
-    return step;
-}
-
-static struct motion_step *add_place(struct motion_script *script, enum motion_verb verb,
-                                     enum channel tool, const char *group, const char *from,
-                                     const char *to) {
-    struct motion_step *step = add_named(script, verb, tool, group);
-    if (!step)
-        return NULL;
-    step->has_place = true;
-    snprintf(step->from.landmark, sizeof step->from.landmark, "%s", from);
-    snprintf(step->to.landmark, sizeof step->to.landmark, "%s", to);
-    return step;
-}
 
 // ---- a goal as steps ----------------------------------------------------------------------------
 
@@ -81,36 +23,8 @@ static const char *group_name(const struct planner *p, const struct spot *spot) 
     return p->knee->groups[spot->group].name;
 }
 
-static double clamped(double value, double most) {
-    return fmin(fmax(value, -most), most);
-}
-
-// A little more than the goal asks, and no more than a knee gives.
-static void hold_joint(struct motion_script *script, const struct goal *goal,
-                       const struct stance *stance) {
-    double flexion = stance->flexion_deg, valgus = stance->valgus_deg, more = 1.2;
-    if (!isnan(goal->flexion_from_deg))
-        flexion = 0.5 * (goal->flexion_from_deg + goal->flexion_to_deg);
-    if (!isnan(goal->valgus_deg))
-        valgus = more * goal->valgus_deg;
-    if (!isnan(goal->varus_deg))
-        valgus = -more * goal->varus_deg;
-    add_amount(script, MOTION_FLEX, fmax(clamped(flexion, 140), 0));
-    add_amount(script, MOTION_VALGUS, clamped(valgus, 15));
-    if (!isnan(goal->drawer_mm))
-        add_amount(script, MOTION_DRAWER, clamped(more * goal->drawer_mm, 10));
-}
-
 static enum channel channel_of(const struct site_goal *g) {
     return (enum channel)(CHANNEL_FIRST_INSTRUMENT + g->tool);
-}
-
-static void resect(const struct planner *p, struct motion_script *script, const char *group) {
-    add_named(script, MOTION_APPROACH, CHANNEL_PUNCH, p->portals[1]);
-    struct motion_step *step = add_named(script, MOTION_RESECT, CHANNEL_PUNCH, group);
-    if (step)
-        step->count = BITES;
-    add_named(script, MOTION_WITHDRAW, CHANNEL_PUNCH, "");
 }
 
 static void touch(const struct planner *p, struct motion_script *script, const struct goal *goal,
@@ -145,6 +59,21 @@ static void look(const struct planner *p, struct motion_script *script, const st
         look_at(p, script, &g->touch, goal->follow[0], distance);
 }
 
+// The next goal wants the scope to stay and its optic to turn.
+static bool is_turned_from(const struct planner *p, int index) {
+    return index + 1 < p->task->goal_count && !isnan(p->task->goals[index + 1].stay_mm);
+}
+
+// From one stand to all places of a chain of goals.
+static void turn_to(const struct planner *p, struct motion_script *script, int index) {
+    const struct goal *goals = p->task->goals;
+    const char *group = group_name(p, &site_goal(p->site, index)->see);
+    if (isnan(goals[index].stay_mm))
+        add_place(script, MOTION_STAND, CHANNEL_SCOPE, group, goals[index].see,
+                  goals[index + 1].see);
+    add_place(script, MOTION_TURN, CHANNEL_SCOPE, group, goals[index].see, "");
+}
+
 static bool needs_tool(const struct goal *goal) {
     return goal->touch[0] || goal->place_count;
 }
@@ -153,58 +82,28 @@ static void pursue(const struct planner *p, struct motion_script *script, int in
                    const struct stance *stance) {
     const struct goal *goal = &p->task->goals[index];
     const struct site_goal *g = site_goal(p->site, index);
-    hold_joint(script, goal, stance);
-    look(p, script, goal, g, stance->distance);
+    bool turns = !isnan(goal->stay_mm);
+    if (!turns)
+        hold_joint(script, goal, stance);
+    if (turns || is_turned_from(p, index))
+        turn_to(p, script, index);
+    else
+        look(p, script, goal, g, stance->distance);
     if (needs_tool(goal))
         touch(p, script, goal, g);
-    if (goal->resect[0])
-        resect(p, script, goal->resect);
     if (goal->take_out[0])
         take_out(script, p->knee, g->loose, p->portals[1], stance->distance);
     add_amount(script, MOTION_WAIT, goal->hold_s + SETTLE_S);
 }
 
-// ---- a novice's detours -------------------------------------------------------------------------
-
-static uint64_t roll(struct planner *p) { // splitmix64
-    uint64_t z = p->chance += 0x9e3779b97f4a7c15;
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9;
-    z = (z ^ z >> 27) * 0x94d049bb133111eb;
-    return z ^ z >> 31;
-}
-
-// Looks somewhere else and waits.
-static void stray(struct planner *p, struct motion_script *script) {
-    for (int i = 0; i < DETOURS && p->knee->landmark_count; i++) {
-        uint64_t which = roll(p) % (uint64_t)p->knee->landmark_count;
-        const struct case_landmark *landmark = &p->knee->landmarks[which];
-        add_place(script, MOTION_LOOK, CHANNEL_SCOPE, body_name(landmark->body), landmark->name,
-                  "");
-        add_amount(script, MOTION_WAIT, 1 + (double)(roll(p) % 3));
-    }
-}
-
-// The expert's steps, slower, with a tremor and a detour before each look.
-static void become_novice(struct planner *p) {
-    struct motion_script *novice = p->trial;
-    *novice = *p->script;
-    novice->speed_mm_s = novice->joint_speed_deg_s = 12;
-    novice->tremor_mm = 0.8;
-    novice->skips = true;
-    novice->step_count = 0;
-    for (int i = 0; i < p->script->step_count; i++) {
-        if (p->script->steps[i].verb == MOTION_LOOK)
-            stray(p, novice);
-        struct motion_step *step = add(novice, p->script->steps[i].verb);
-        if (step)
-            *step = p->script->steps[i];
-    }
-}
-
 // ---- trying -------------------------------------------------------------------------------------
 
-// Plays the script so far. RESULT_OK: it could be planned.
-static enum result try(struct planner *p, const struct motion_script *script) {
+static void drop_tissues(struct planner *p) {
+    for (int i = 0; i < TISSUES_MAX; i++)
+        mesh_fini(&p->tissues[i]);
+}
+
+enum result try_script(struct planner *p, const struct motion_script *script) {
     struct motion motion = {0};
     enum result result = motion_plan(p->knee, script, &motion, p->err);
     if (result != RESULT_OK) {
@@ -213,16 +112,26 @@ static enum result try(struct planner *p, const struct motion_script *script) {
     }
     motion_fini(&p->out->motion);
     p->out->motion = motion;
-    play_motion(&motion, script->rate_hz, p->scene, p->site, &p->out->attempt);
+    drop_tissues(p);
+    play_motion(&motion, script->rate_hz, p->scene, p->site, &p->out->attempt, p->tissues);
     return RESULT_OK;
 }
 
+// Goals that are pursued together: those whose scope stays.
+static int last_of_chain(const struct planner *p, int goal) {
+    while (is_turned_from(p, goal))
+        goal++;
+    return goal;
+}
+
 static bool try_stance(struct planner *p, int goal, const struct stance *stance) {
+    int last = last_of_chain(p, goal);
     *p->trial = *p->script;
-    pursue(p, p->trial, goal, stance);
-    if (try(p, p->trial) != RESULT_OK)
+    for (int i = goal; i <= last; i++)
+        pursue(p, p->trial, i, stance);
+    if (try_script(p, p->trial) != RESULT_OK)
         return false;
-    if (p->out->attempt.goals[goal].met) {
+    if (p->out->attempt.goals[last].met) {
         *p->script = *p->trial;
         return true;
     }
@@ -233,6 +142,8 @@ static bool try_stance(struct planner *p, int goal, const struct stance *stance)
 // The expert tries stances until one meets the goal.
 static bool meet(struct planner *p, int goal) {
     struct error first = {""};
+    if (p->task->goals[goal].resect[0])
+        return meet_resection(p, goal);
     for (int i = 0; i < STANCE_COUNT; i++) {
         if (try_stance(p, goal, &stances[i]))
             return true;
@@ -247,8 +158,12 @@ static bool meet(struct planner *p, int goal) {
 // ---- the whole ----------------------------------------------------------------------------------
 
 static void begin(struct planner *p) {
-    *p->script = (struct motion_script){
-        .rate_hz = 100, .speed_mm_s = 40, .joint_speed_deg_s = 30, .tremor_mm = 0.05, .seed = 1};
+    *p->script = (struct motion_script){.rate_hz = 100,
+                                        .speed_mm_s = 40,
+                                        .joint_speed_deg_s = 30,
+                                        .tremor_mm = 0.05,
+                                        .seed = 1,
+                                        .optic_deg = site_optic(p->site)->tilt_deg};
     add_named(p->script, MOTION_APPROACH, CHANNEL_SCOPE, p->portals[0]);
     for (int i = 0; i < p->task->goal_count; i++)
         if (needs_tool(&p->task->goals[i])) {
@@ -266,6 +181,7 @@ static int pursue_all(struct planner *p, const char *scope, const char *other,
     for (int i = 0; i < p->task->goal_count; i++) {
         if (!meet(p, i))
             return i;
+        i = last_of_chain(p, i);
         if (progress)
             progress(i + 1, p->task->goal_count);
     }
@@ -294,14 +210,8 @@ static void try_both_hands(struct planner *p, void (*progress)(int, int)) {
     *p->err = why;
 }
 
-// The case gets what the hands need, as motion_plan gives it.
 static enum result prepare(struct planner *p, struct knee_case *knee) {
-    double clear_mm[2];
-    enum result result = RESULT_OK;
-    if (knee->landmark_count == 0)
-        result = landmarks_find(knee, NULL, p->err);
-    if (result == RESULT_OK && knee->portal_count == 0)
-        result = landmarks_find_portals(knee, clear_mm, p->err);
+    enum result result = motion_prepare(knee, knee->landmark_count == 0, p->err);
     if (result == RESULT_OK && knee->portal_count < 2)
         result = fail(p->err, RESULT_MISSING, "the case has one portal; a task needs two");
     return result;
@@ -314,12 +224,13 @@ enum result rehearse(const struct task *task, struct knee_case *knee, const stru
     struct planner p = {.task = task,
                         .knee = knee,
                         .scene = scene,
-                        .chance = (uint64_t)seed,
                         .script = &scripts[0],
                         .trial = &scripts[1],
                         .out = out,
                         .err = err};
     struct view_optic optic = view_optic_usual();
+    if (!isnan(task->optic_deg))
+        optic.tilt_deg = task->optic_deg;
     *out = (struct rehearsal){.goal = -1};
     enum result result = site_create(task, scene, instruments_of_hands(), &optic, &p.site, err);
     if (result == RESULT_OK)
@@ -327,10 +238,12 @@ enum result rehearse(const struct task *task, struct knee_case *knee, const stru
     if (result == RESULT_OK)
         try_both_hands(&p, progress);
     if (result == RESULT_OK && hands == HANDS_NOVICE && out->goal < 0) {
-        become_novice(&p);
-        p.trial->seed = seed & UINT32_MAX;
-        result = try(&p, p.trial);
+        become_novice(&p, seed);
+        result = try_script(&p, p.trial);
     }
+    drop_tissues(&p);
+    for (int i = 0; i < p.left_count; i++)
+        free(p.lefts[i]);
     site_destroy(&p.site);
     free(scripts);
     return result;

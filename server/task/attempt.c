@@ -66,12 +66,18 @@ static bool hold(struct holding *h, bool holds, int64_t now_ns, int64_t apart_ns
 
 // ---- goals --------------------------------------------------------------------------------------
 
-static void meet(struct attempt *a, int index) {
+static void meet(struct attempt *a, int index, const struct looking *looking) {
     struct goal_state *state = &a->goals[index];
     state->met = true;
     state->met_step = a->last_step;
     state->met_ns = a->running_ns;
+    a->stood = looking->T_mockup_scope.translation;
     a->goals_met++;
+}
+
+static bool stays(const struct goal *goal, const struct attempt *a, const struct looking *looking) {
+    return isnan(goal->stay_mm) ||
+           vec3_distance(looking->T_mockup_scope.translation, a->stood) <= goal->stay_mm;
 }
 
 // A scope that moved begins to hold anew.
@@ -90,7 +96,8 @@ static bool is_met(struct attempt *a, const struct site *site, const struct sess
                    const struct looking *looking, int index) {
     const struct goal *goal = &site_task(site)->goals[index];
     struct goal_state *state = &a->goals[index];
-    bool holds = goal_holds_joint(goal, site, output) &&
+    bool holds = goal_holds_joint(goal, site, output) && stays(goal, a, looking) &&
+                 goal_is_through(site, index, output, looking) &&
                  goal_resected(goal, site_goal(site, index), a) &&
                  goal_took_out(goal, site_goal(site, index), output) &&
                  goal_touches(goal, site, index, output, looking) &&
@@ -112,7 +119,7 @@ static void judge_goals(struct attempt *a, const struct site *site,
         if (a->goals[i].met)
             continue;
         if (is_met(a, site, output, looking, i)) {
-            meet(a, i);
+            meet(a, i, looking);
             news->goals_met |= 1u << i;
         }
         if (task->in_order)

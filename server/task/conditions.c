@@ -13,7 +13,7 @@ struct looking looking_at(const struct site *site, const struct session_output *
     for (int i = 0; i < tools->count; i++) {
         const struct instrument_output *o = &output->instruments[i];
         if (tools->of[i].kind == INSTRUMENT_OPTIC && o->present)
-            return (struct looking){true, o->T_mockup_warped,
+            return (struct looking){true, i, o->T_mockup_warped,
                                     optic_axis(site_optic(site), o->T_mockup_warped),
                                     0.5 * site_optic(site)->field_deg};
     }
@@ -67,6 +67,36 @@ bool goal_is_seen(const struct goal *goal, const struct site *site, int index,
                           pose_apply(*T, spot->shown[i])))
             return true;
     return false;
+}
+
+// ---- portals ------------------------------------------------------------------------------------
+
+static double shaft_off(const struct site *site, int portal, const struct session_output *output,
+                        pose T_mockup_tip) {
+    vec3 p =
+        pose_apply(output->T_mockup_body[BODY_FEMUR], site_case(site)->portals[portal].position);
+    vec3 way = vec3_sub(p, T_mockup_tip.translation);
+    return vec3_length(across(way, quat_rotate(T_mockup_tip.rotation, (vec3){0, 0, 1})));
+}
+
+static bool is_through(const struct site *site, int portal, const struct session_output *output,
+                       int tool) {
+    const struct instrument_output *o = &output->instruments[tool];
+    int nearest = 0;
+    if (portal < 0)
+        return true;
+    for (int i = 1; i < site_case(site)->portal_count; i++)
+        if (shaft_off(site, i, output, o->T_mockup_tip) <
+            shaft_off(site, nearest, output, o->T_mockup_tip))
+            nearest = i;
+    return o->present && nearest == portal;
+}
+
+bool goal_is_through(const struct site *site, int index, const struct session_output *output,
+                     const struct looking *looking) {
+    const struct site_goal *g = site_goal(site, index);
+    return is_through(site, g->scope_portal, output, looking->tool) &&
+           is_through(site, g->tool_portal, output, g->tool);
 }
 
 // ---- touching -----------------------------------------------------------------------------------

@@ -6,6 +6,7 @@
 // What the trainee looks through: the first optic that is there.
 struct looking {
     bool is_there;
+    int tool;            // of the session's instruments
     pose T_mockup_scope; // as it is shown
     vec3 axis;           // where it looks, a unit vector
     double half_field_deg;
@@ -18,6 +19,8 @@ bool goal_is_seen(const struct goal *goal, const struct site *site, int index,
                   const struct attempt *attempt);
 bool goal_touches(const struct goal *goal, const struct site *site, int index,
                   const struct session_output *output, const struct looking *looking);
+bool goal_is_through(const struct site *site, int index, const struct session_output *output,
+                     const struct looking *looking); // the portals that it names
 bool goal_holds_joint(const struct goal *goal, const struct site *site,
                       const struct session_output *output);
 bool goal_took_out(const struct goal *goal, const struct site_goal *g,

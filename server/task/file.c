@@ -57,6 +57,7 @@ static const struct setting_key task_keys[] = {
     {"version", SETTING_INTEGER, IN_TASK(version), 1, 9999},
     {"in_order", SETTING_SWITCH, IN_TASK(in_order)},
     {"limit_s", SETTING_NUMBER, IN_TASK(limit_s), 5, 3600},
+    {"optic_deg", SETTING_NUMBER, IN_TASK(optic_deg), 0, 90},
     {0}};
 
 static const struct setting_key pass_keys[] = {
@@ -73,6 +74,9 @@ static const struct setting_key goal_keys[] = {
     {"beyond_mm", SETTING_NUMBER, IN_GOAL(beyond_mm), 0, 50},
     {"upright_deg", SETTING_NUMBER, IN_GOAL(upright_deg), 3, 90},
     {"still_mm", SETTING_NUMBER, IN_GOAL(still_mm), 0.5, 20},
+    {"stay_mm", SETTING_NUMBER, IN_GOAL(stay_mm), 0.5, 20},
+    {"scope_portal", SETTING_TEXT, IN_GOAL(scope_portal)},
+    {"tool_portal", SETTING_TEXT, IN_GOAL(tool_portal)},
     {"touch", SETTING_TEXT, IN_GOAL(touch)},
     {"follow", .take = take_line, .wanted = "2 to 8 landmarks"},
     {"tool", SETTING_TEXT, IN_GOAL(tool)},
@@ -137,6 +141,7 @@ static void *goal_named(void *user, const char *name, struct error *err) {
                           .within_mm = 40,
                           .upright_deg = NAN,
                           .still_mm = NAN,
+                          .stay_mm = NAN,
                           .tool = "probe",
                           .reach_mm = 3,
                           .valgus_deg = NAN,
@@ -194,6 +199,10 @@ static enum result check_goal(const struct goal *goal, struct error *err) {
         return fail(err, RESULT_INVALID, "[goal %s]: touch and follow exclude each other", name);
     if (!goal->see[0] && (!isnan(goal->upright_deg) || !isnan(goal->still_mm)))
         return fail(err, RESULT_MISSING, "[goal %s]: upright_deg and still_mm need see", name);
+    if (!goal->see[0] && !goal->in_view && goal->scope_portal[0])
+        return fail(err, RESULT_MISSING, "[goal %s]: scope_portal needs see or in_view", name);
+    if (goal->tool_portal[0] && !goal->touch[0] && !goal->place_count)
+        return fail(err, RESULT_MISSING, "[goal %s]: tool_portal needs touch or follow", name);
     if (goal->beyond_mm >= goal->within_mm)
         return fail(err, RESULT_INVALID, "[goal %s]: beyond_mm must be less than within_mm", name);
     if (judges_resection(goal) != (goal->resect[0] != '\0'))
@@ -205,6 +214,17 @@ static enum result check_goal(const struct goal *goal, struct error *err) {
         goal->take_out[0] || holds_joint(goal))
         return RESULT_OK;
     return fail(err, RESULT_MISSING, "[goal %s] has no condition", name);
+}
+
+// Where the tip stood is known from the goal before.
+static enum result check_stay(const struct task *task, int index, struct error *err) {
+    const struct goal *goal = &task->goals[index];
+    if (isnan(goal->stay_mm) ||
+        (task->in_order && index > 0 && goal->see[0] && task->goals[index - 1].see[0]))
+        return RESULT_OK;
+    return fail(err, RESULT_MISSING,
+                "[goal %s]: stay_mm needs see, here and in the goal before, and goals in order",
+                goal->name);
 }
 
 static enum result check_error(const struct task_error *error, struct error *err) {
@@ -237,6 +257,8 @@ static enum result check_task(const struct task *task, struct error *err) {
         return fail(err, RESULT_MISSING, "there is no [goal NAME]");
     for (int i = 0; i < task->goal_count && result == RESULT_OK; i++)
         result = check_goal(&task->goals[i], err);
+    for (int i = 0; i < task->goal_count && result == RESULT_OK; i++)
+        result = check_stay(task, i, err);
     for (int i = 0; i < task->error_count && result == RESULT_OK; i++)
         result = check_error(&task->errors[i], err);
     return result;
@@ -260,7 +282,8 @@ static enum result name_after(struct task *task, const char *path, struct error 
 
 enum result task_parse(const char *path, const char *text, size_t size, struct task *out_task,
                        struct error *err) {
-    *out_task = (struct task){.version = 1, .in_order = true, .limit_s = 600, .pass_time_s = NAN};
+    *out_task = (struct task){
+        .version = 1, .in_order = true, .limit_s = 600, .optic_deg = NAN, .pass_time_s = NAN};
     if (size == 0 || size > TASK_FILE_MAX)
         return fail(err, size ? RESULT_LIMIT : RESULT_MISSING,
                     "%s has %zu bytes; a task has 1 to %d", path, size, TASK_FILE_MAX);

@@ -186,6 +186,18 @@ static enum result find_loose(const struct site *site, const char *name, uint32_
     return fail(err, RESULT_MISSING, "the case has no loose body %s", name);
 }
 
+static enum result find_portal(const struct site *site, const char *name, int *out_portal,
+                               struct error *err) {
+    *out_portal = -1;
+    if (!name[0])
+        return RESULT_OK;
+    for (int i = 0; i < site->knee->portal_count; i++)
+        if (!strcmp(site->knee->portals[i].name, name))
+            *out_portal = i;
+    return *out_portal >= 0 ? RESULT_OK
+                            : fail(err, RESULT_MISSING, "the case has no portal %s", name);
+}
+
 static enum result find_goal(struct site *site, int index, struct error *err) {
     const struct goal *goal = &site->task->goals[index];
     struct site_goal *g = &site->goals[index];
@@ -202,6 +214,10 @@ static enum result find_goal(struct site *site, int index, struct error *err) {
         result = find_tissue(site, goal->resect, &g->tissue, err);
     if (result == RESULT_OK && goal->take_out[0])
         result = find_loose(site, goal->take_out, &g->loose, err);
+    if (result == RESULT_OK)
+        result = find_portal(site, goal->scope_portal, &g->scope_portal, err);
+    if (result == RESULT_OK)
+        result = find_portal(site, goal->tool_portal, &g->tool_portal, err);
     return result == RESULT_OK ? result : fail_in(err, result, "[goal %s]: ", goal->name);
 }
 
@@ -255,6 +271,14 @@ bool site_sees(const struct site *site, const struct session_output *output, uin
 
 // ---- the whole ----------------------------------------------------------------------------------
 
+static enum result fits_optic(const struct task *task, const struct view_optic *optic,
+                              struct error *err) {
+    if (isnan(task->optic_deg) || task->optic_deg == optic->tilt_deg)
+        return RESULT_OK;
+    return fail(err, RESULT_INVALID, "it needs an optic of %g degrees, and this one has %g",
+                task->optic_deg, optic->tilt_deg);
+}
+
 enum result site_create(const struct task *task, const struct scene *scene,
                         const struct instruments *tools, const struct view_optic *optic,
                         struct site **out_site, struct error *err) {
@@ -266,7 +290,9 @@ enum result site_create(const struct task *task, const struct scene *scene,
     memset(site->tissue, 0xff, sizeof site->tissue);
     for (int i = 0; i < scene_tissue_count(scene); i++)
         site->tissue[scene_tissue_group(scene, i)] = i;
-    enum result result = build_sights(site, err);
+    enum result result = fits_optic(task, optic, err);
+    if (result == RESULT_OK)
+        result = build_sights(site, err);
     for (int i = 0; i < task->goal_count && result == RESULT_OK; i++)
         result = find_goal(site, i, err);
     for (int i = 0; i < task->error_count && result == RESULT_OK; i++)

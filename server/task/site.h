@@ -27,18 +27,20 @@ struct spot {
 
 struct site_goal {
     struct spot see, touch;
-    int tool;                 // index of the session's instruments
-    int tissue;               // that `resect` names
-    uint32_t loose;           // that `take_out` names, a bit each
-    int line_count;           // 0: no line
-    vec3 line[SITE_LINE_MAX]; // on S, in the frame of touch.body
+    int tool;                      // index of the session's instruments
+    int tissue;                    // that `resect` names
+    uint32_t loose;                // that `take_out` names, a bit each
+    int scope_portal, tool_portal; // -1: any
+    int line_count;                // 0: no line
+    vec3 line[SITE_LINE_MAX];      // on S, in the frame of touch.body
 };
 
 struct site;
 
 // The task and the scene must outlive the site unchanged; any number of attempts on any threads
 // share one. RESULT_MISSING: the case has no such landmark, group or tool; the error names goal or
-// error, and key. RESULT_INVALID: a line is longer than 255 mm or leaves its surface; RESULT_IO:
+// error, and key. RESULT_INVALID: a line is longer than 255 mm or leaves its surface, or the task
+// needs another optic; RESULT_IO:
 // Embree cannot build. The caller destroys it.
 enum result site_create(const struct task *task, const struct scene *scene,
                         const struct instruments *tools, const struct view_optic *optic,

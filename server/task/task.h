@@ -27,6 +27,12 @@ struct goal {
     // up to upright_deg, with the scope's tip held within still_mm from where it was at first.
     char see[CASE_NAME_MAX];
     double centre, within_mm, beyond_mm, upright_deg, still_mm;
+    // Its tip is not farther than this from where it was when the goal before was met: the view has
+    // come by turning the optic.
+    double stay_mm;
+
+    // Of the case's portals the shaft of the scope, or of `tool`, passes nearest to this one.
+    char scope_portal[CASE_NAME_MAX], tool_portal[CASE_NAME_MAX];
 
     // The tip of `tool` touches the landmark's group, not more than reach_mm farther from the
     // landmark than the surface is, in the scope's picture where in_view.
@@ -74,9 +80,10 @@ struct task {
     char name[TASK_NAME_MAX]; // of the file, without .ini
     char title[TASK_NAME_MAX * 2];
     char briefing[TASK_TEXT_MAX];
-    int version;    // 1 or more; its author raises it when what it judges changes
-    bool in_order;  // a goal counts only after the one before
-    double limit_s; // the attempt ends
+    int version;      // 1 or more; its author raises it when what it judges changes
+    bool in_order;    // a goal counts only after the one before
+    double limit_s;   // the attempt ends
+    double optic_deg; // the tilt of the optic that it needs; NAN: any
 
     // The pass mark: all goals met, in so much time, with so many errors and no sentinel.
     double pass_time_s;

@@ -53,8 +53,7 @@ static void put_tissue(struct served_session *s, int tissue, const struct mesh *
                             .triangle_count = (int)mesh->triangle_count,
                             .positions = mesh->positions,
                             .triangles = mesh->triangles};
-    snprintf(out.name, sizeof out.name, "%.20s",
-             scene_case(scene)->groups[scene_tissue_group(scene, tissue)].name);
+    igtl_mesh_name(scene_case(scene)->groups[scene_tissue_group(scene, tissue)].name, out.name);
     igtl_server_put_mesh(s->server, &out);
     s->counts.meshes++;
 }

@@ -1,5 +1,6 @@
 #include "igtl/names.h"
 
+#include <openigtlink/igtl_util.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -15,6 +16,15 @@ void igtl_pose_name(enum channel channel, bool shown, char out_name[IGTL_DEVICE_
     if (over > 0)
         snprintf(whole, sizeof whole, "%s%.*s-%02d%s", before, kept, name, (int)channel, after);
     memcpy(out_name, whole, IGTL_DEVICE_SIZE);
+}
+
+void igtl_mesh_name(const char *group, char out_name[IGTL_DEVICE_SIZE]) {
+    size_t length = strlen(group);
+    unsigned check = (unsigned)(crc64((unsigned char *)group, length, 0) & 0xffff); // only reads
+    if (length < IGTL_DEVICE_SIZE)
+        snprintf(out_name, IGTL_DEVICE_SIZE, "%s", group);
+    else
+        snprintf(out_name, IGTL_DEVICE_SIZE, "%.*s-%04x", IGTL_DEVICE_SIZE - 6, group, check);
 }
 
 void igtl_marker_text(const struct marker *marker, char out_text[IGTL_MARKER_SIZE]) {

@@ -17,6 +17,10 @@
 // place of the end: "curette-an-09_warped".
 void igtl_pose_name(enum channel channel, bool shown, char out_name[IGTL_DEVICE_SIZE]);
 
+// A mesh: its group in the case. Of a name that is too long four hexadecimal digits of its checksum
+// take the place of the end, so that no two groups of a case share one: "meniscus_medial-3f07".
+void igtl_mesh_name(const char *group, char out_name[IGTL_DEVICE_SIZE]);
+
 // A marker's name and value: "pulse 1".
 void igtl_marker_text(const struct marker *marker, char out_text[IGTL_MARKER_SIZE]);
 

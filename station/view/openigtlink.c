@@ -193,7 +193,7 @@ void openigtlink_mesh(void *outlet, const char *group, const struct tissue *tiss
     uint32_t *triangles = pack_triangles(tissue, places);
     mesh.positions = positions;
     mesh.triangles = triangles;
-    memcpy(mesh.name, group, strnlen(group, sizeof mesh.name - 1));
+    igtl_mesh_name(group, mesh.name);
     if (mesh.name[0])
         igtl_server_put_mesh(o->server, &mesh);
     free(places);

@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "igtl/framing.h"
+#include "igtl/names.h"
 #include "igtl_bytes.h"
 #include "test.h"
 #include "view/openigtlink.h"
@@ -230,6 +231,8 @@ static void what_is_dead_in_a_mesh_is_left_out(void **state) {
     assert_int_equal(igtl_polydata_size(0, 0), content.size);
 }
 
+static const char name_of_20[] = "a_group_of_20_letter";
+
 // A server may have more cases than this one has places for names.
 static void meshes_of_other_cases_make_room(void **state) {
     (void)state;
@@ -255,9 +258,23 @@ static void meshes_of_other_cases_make_room(void **state) {
     do
         next_of("POLYDATA", &content);
     while (content.size != igtl_polydata_size(3, 1));
-    openigtlink_mesh(outlet, "a_group_whose_name_is_too_long", &tissue);
-    while (strcmp("a_group_whose_name_i", next_of("POLYDATA", &content).device) != 0)
+    openigtlink_mesh(outlet, name_of_20, &tissue);
+    while (strcmp(name_of_20, next_of("POLYDATA", &content).device) != 0)
         continue;
+}
+
+// Two groups whose names are alike as far as a device's name goes.
+static void long_names_of_groups_stay_apart(void **state) {
+    (void)state;
+    char front[IGTL_DEVICE_SIZE], back[IGTL_DEVICE_SIZE], again[IGTL_DEVICE_SIZE];
+    igtl_mesh_name("meniscus_medial_horn_anterior", front);
+    igtl_mesh_name("meniscus_medial_horn_posterior", back);
+    igtl_mesh_name("meniscus_medial_horn_anterior", again);
+    assert_int_equal(strlen(front), IGTL_DEVICE_SIZE - 1);
+    assert_memory_equal(front, "meniscus_medial-", 16);
+    assert_memory_equal(back, "meniscus_medial-", 16);
+    assert_string_not_equal(front, back);
+    assert_string_equal(front, again);
 }
 
 // ---- its port ----------------------------------------------------------------------------------
@@ -294,6 +311,7 @@ int main(void) {
         TEST(the_state_is_a_status_when_it_changes),
         TEST(what_is_dead_in_a_mesh_is_left_out),
         TEST(meshes_of_other_cases_make_room),
+        TEST(long_names_of_groups_stay_apart),
         TEST(a_port_is_free_or_a_stations_or_taken),
     };
     return cmocka_run_group_tests_name("openigtlink_out", tests, NULL, NULL);

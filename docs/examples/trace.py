@@ -18,11 +18,11 @@ LAYOUTS = {
     "header": """session:16s parent:32s:3 parent_session:16s:4 station:text trainee:text case_name:text case_dir:text
         case_hash:Q start_utc_ns:q start_ns:q rules:B:5 field:B unit_mm:d radius_mm:d background_per_mm:d skin_mm:d
         strength:d adaptive:B:3 avatar:B:3 bodies:bodies:3 hold_ns:q ease_share:d ease_mm_s:d tilt_deg:d:4
-        field_deg:d:4 build:text libc:text cpu:text tools:tools:5""",
+        field_deg:d:4 build:text libc:text cpu:text tools:tools:6 loose_bodies:B:6""",
     "input": "kind:B time_ns:q more:more", "frame": "number:Q time_ns:q samples:samples", "result": "job:Q done:B",
     "sample": "channel:B kind:B validity:B device:B time_ns:q value:value",
     "step": """input:input step:Q frame_number:Q time_ns:q state:B events:I joint:6d joint_validity:B bones:bones
-        torn:torn:3 instruments:instruments job:job landed:landed hash:Q""",
+        torn:torn:3 instruments:instruments job:job landed:landed loose:loose:6 hash:Q""",
     "instrument": """validity:B tip:7d warped:7d displacement:3d gradient:9d trust_radius_mm:d nearest:i nearest_mm:d
         old_gain:d:2:2 lead:lead:3 penetration_mm:d:3 tip_gap_mm:d:3 offset_mm:d:3 tilt_deg:d:3 gain:d:3 gain_least:d:3
         turn_deg:d:3 opening:d buttons:I handle_validity:B""",
@@ -37,7 +37,7 @@ LAYOUTS = {
     "ended": "number:I end:B verdict:B goals_met:I errors:I first_step:Q last_step:Q time_ns:q"}
 RECORDS = {1: "step", 2: "gap", 3: "end", 4: "input", 5: "resume", 6: "remark", 7: "fault", 8: "touch", 9: "marker",
            10: "begun", 11: "ended"}
-EVENTS = "state device_lost device_back contact release cut piece refused undone".split()
+EVENTS = "state device_lost device_back contact release cut piece refused undone grasped dropped taken_out".split()
 STATES = "waiting running paused closed".split()
 TOOLS, BODIES = "probe punch shaver knife scope".split(), "femur tibia patella".split()
 TYPES = {
@@ -45,13 +45,14 @@ TYPES = {
     "text": lambda t: t.take(f"{t.take('H')}s").decode(),
     "file": lambda t: t.take(f"{t.take('I')}s"),
     "tools": lambda t: TOOLS + [(TYPES["text"](t), t.take("3B4dI"), t.take(f"{4 * t.take('B')}d"))[0]
-                                for _ in range(t.take("B") if t.at < t.end else 0)],
+                                for _ in range(t.take("B"))],
     "bodies": lambda t: [t.take(f"{4 * t.take('B')}d") for _ in TOOLS],
     "input": lambda t: t.read("input"),
     "more": lambda t: {0: lambda: t.read("frame"), 6: lambda: t.read("result")}.get(t.data[t.at - 9], dict)(),
     "samples": lambda t: [t.read("sample") for _ in range(t.take("B"))],
     "value": lambda t: t.take(("6d", "7d", "dI", "d")[t.data[t.at - 11]]),  # joint, pose, handle or force
     "bones": lambda t: [(t.take("7d"), t.take("7d") if t.version > 2 and t.take("B") else None) for _ in BODIES],
+    "loose": lambda t: [t.take("BB7d") for _ in range(t.header["loose_bodies"])],
     "torn": lambda t: [t.take("2d") for _ in range(t.take("B"))],
     "instruments": lambda t: {tool: t.read("instrument") for tool in t.header.get("tools", TOOLS) if t.take("B")},
     "lead": lambda t: t.take("33d") if t.take("B") else None,

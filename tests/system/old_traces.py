@@ -98,7 +98,7 @@ class OldTraces(unittest.TestCase):
     def test_a_piece_of_it_replays(self):
         piece = self.path("piece.trace")
         call("arthron-trace", "cut", self.trace, "--from", "8", "--to", "12", "--out", piece)
-        self.assertEqual(call_json("arthron-trace", "info", piece)["version"], 5)
+        self.assertEqual(call_json("arthron-trace", "info", piece)["version"], 6)
         found = call_json("arthron-trace", "replay", piece, "--case", self.case)
         self.assertTrue(found["same_events"])
 

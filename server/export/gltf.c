@@ -66,6 +66,17 @@ static void add_instrument(struct animation *animation, int i, int seen, int moc
     animation->nodes[TRACK_HAND + i] = model_node(animation->model, in_hand, mockup, made);
 }
 
+static void add_loose(struct animation *animation, const struct case_loose *loose, int i,
+                      int seen) {
+    struct mesh shape;
+    float rgba[4];
+    look_loose(loose->radii_mm, &shape, rgba);
+    int material = model_material(animation->model, loose->name, rgba);
+    int made = model_mesh(animation->model, loose->name, &shape, material);
+    mesh_fini(&shape);
+    animation->nodes[TRACK_LOOSE + i] = model_node(animation->model, loose->name, seen, made);
+}
+
 static void add_virtual_group(struct animation *animation, const struct case_group *group,
                               int material) {
     struct mesh mesh;
@@ -117,6 +128,8 @@ static void build(struct animation *animation) {
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (animation->contents.present[i])
             add_instrument(animation, i, seen, mockup);
+    for (int i = 0; i < knee->loose_count; i++)
+        add_loose(animation, &knee->loose[i], i, seen);
 }
 
 // ---- tissue that is cut -------------------------------------------------------------------------

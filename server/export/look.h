@@ -12,3 +12,6 @@ void look_of_instrument(const struct instrument *instrument, float out_rgba[4]);
 // A shaft along z that ends in a cone at the tip, in the frame of the tip, as thick as the body.
 // The caller releases it with mesh_fini.
 void look_instrument(const struct instrument_body *body, struct mesh *out_mesh);
+
+// An ellipsoid about the origin, and its colour. As look_instrument.
+void look_loose(vec3 radii_mm, struct mesh *out_mesh, float out_rgba[4]);

@@ -33,6 +33,12 @@ static void take_instrument(struct tracks *t, int i, const struct instrument_out
     take_pose(t, TRACK_HAND + i, from->T_mockup_tip, from->present);
 }
 
+static void take_loose(struct tracks *t, int i, const struct loose_output *from) {
+    bool inside = from->state != LOOSE_OUT;
+    t->shown[TRACK_LOOSE + i][t->count] = inside;
+    take_pose(t, TRACK_LOOSE + i, from->T_mockup_loose, inside);
+}
+
 static void take_key(struct tracks *t, const struct session_output *output, float seconds) {
     make_room(t);
     t->seconds[t->count] = seconds;
@@ -42,18 +48,25 @@ static void take_key(struct tracks *t, const struct session_output *output, floa
     }
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         take_instrument(t, i, &output->instruments[i]);
+    for (int i = 0; i < output->loose_count; i++)
+        take_loose(t, i, &output->loose[i]);
     t->count++;
+}
+
+static bool is_there(int track, const struct contents *contents) {
+    if (track >= TRACK_LOOSE)
+        return track - TRACK_LOOSE < contents->header.loose_count;
+    return track < TRACK_WARPED || contents->present[(track - TRACK_WARPED) % INSTRUMENT_COUNT];
 }
 
 // The first room, so that those that there are can be told from others.
 static void begin(struct tracks *t, const struct contents *contents) {
     *t = (struct tracks){0};
     for (int i = 0; i < TRACK_COUNT; i++) {
-        bool instrument = i >= TRACK_WARPED;
-        if (instrument && !contents->present[(i - TRACK_WARPED) % INSTRUMENT_COUNT])
+        if (!is_there(i, contents))
             continue;
         t->poses[i] = alloc(1, sizeof(pose));
-        t->shown[i] = instrument ? alloc(1, sizeof(bool)) : NULL;
+        t->shown[i] = i >= TRACK_WARPED ? alloc(1, sizeof(bool)) : NULL;
     }
 }
 

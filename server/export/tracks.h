@@ -11,14 +11,16 @@ enum {
     TRACK_PHYSICAL = BODY_COUNT, // + enum body
     TRACK_WARPED = 2 * BODY_COUNT,
     TRACK_HAND = TRACK_WARPED + INSTRUMENT_COUNT,
-    TRACK_COUNT = TRACK_HAND + INSTRUMENT_COUNT
+    TRACK_LOOSE = TRACK_HAND + INSTRUMENT_COUNT, // + a loose body of the case
+    TRACK_COUNT = TRACK_LOOSE + CASE_LOOSE_MAX
 };
 
 struct tracks {
     double first_s;           // of the session: where the animation begins
     uint32_t count, room;     // keys
     float *seconds;           // since first_s, rising
-    pose *poses[TRACK_COUNT]; // T_mockup_X; NULL: an instrument that never came
+    pose *poses[TRACK_COUNT]; // T_mockup_X; NULL: an instrument that never came, or no such loose
+                              // body
     bool *shown[TRACK_COUNT]; // NULL: always; where it is false the pose is the last known
 };
 

@@ -52,7 +52,7 @@ class Loose(SystemTest):
         planned = call_json("arthron-case", "task", "check", task, "--case", CASE, "--motion", self.motion)
         self.assertEqual(planned["verdict"], "passed")
         self.start_mockup()
-        server = self.start_server(stations="[station room-1]\ncase = loose-bodies\n")
+        server = self.start_server(stations=f"[case loose-bodies]\ndir = {CASE}\n[station room-1]\ncase = loose-bodies\n")
         self.enrol("room-1")
         self.start_station()
         browser = Browser(self.web_port, self.path("keys/authority.pem"))

@@ -16,9 +16,9 @@
 #define TRIES 4
 
 // Of the bits of Reply.events (PROTOCOL.md); those without a name are not told.
-static const char *const event_names[] = {"state",   "device_lost", "device_back",
-                                          "contact", "release",     "cut",
-                                          "piece",   "refused",     "undone"};
+static const char *const event_names[] = {"state",   "device_lost", "device_back", "contact",
+                                          "release", "cut",         "piece",       "refused",
+                                          "undone",  "grasped",     "dropped",     "taken_out"};
 
 struct openigtlink {
     struct igtl_server *server;

@@ -57,6 +57,8 @@ static void assert_same(const struct knee_case *a, const struct knee_case *b) {
     assert_memory_equal(a->portals, b->portals, sizeof a->portals);
     assert_int_equal(a->patella_key_count, b->patella_key_count);
     assert_memory_equal(a->patella_keys, b->patella_keys, sizeof a->patella_keys);
+    assert_int_equal(a->loose_count, b->loose_count);
+    assert_memory_equal(a->loose, b->loose, sizeof a->loose);
     assert_int_equal(a->rest_count, b->rest_count);
     assert_memory_equal(a->rest, b->rest, sizeof a->rest);
     assert_int_equal(a->torn_count, b->torn_count);
@@ -103,6 +105,25 @@ static void assert_format(const char *expected) {
     char *text = read_file(folder, "case.json", NULL);
     assert_memory_equal(text, expected, strlen(expected));
     free(text);
+}
+
+static void a_case_with_loose_bodies_has_format_4(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    for (int i = 0; i < CASE_LOOSE_MAX; i++) {
+        struct case_loose *loose = &knee->loose[knee->loose_count++];
+        *loose = (struct case_loose){
+            .body = (enum body)(i % 2), .at = {1, 2, i}, .radii_mm = {6, 1, 2.5}};
+        snprintf(loose->name, sizeof loose->name, "piece_%d", i);
+    }
+    assert_ok(case_save(knee, folder, &err));
+    assert_format("{\n  \"format\": 4,");
+    struct knee_case *again = load();
+    assert_same(knee, again);
+    assert_int_equal(case_loose_index(again, "piece_7"), 7);
+    assert_int_equal(case_loose_index(again, "piece"), -1);
+    case_destroy(&knee);
+    case_destroy(&again);
 }
 
 // Programs of before scans and landmarks read format 1, and say what format 2 is to them.
@@ -392,6 +413,7 @@ static void the_medial_plateau_is_on_top_of_the_tibia_at_the_medial_side(void **
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_case_comes_back_as_it_was_saved, make, clear),
+        cmocka_unit_test_setup_teardown(a_case_with_loose_bodies_has_format_4, make, clear),
         cmocka_unit_test_setup_teardown(
             a_case_with_a_scan_or_landmarks_has_format_2_and_others_have_1, make, clear),
         cmocka_unit_test_setup_teardown(

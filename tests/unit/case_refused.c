@@ -57,6 +57,29 @@ static void meniscus_of_two_parts(struct knee_case *knee) {
     mesh_fini(&mesh);
 }
 
+static struct case_loose *some_loose(struct knee_case *knee) {
+    struct case_loose *loose = &knee->loose[knee->loose_count++];
+    *loose = (struct case_loose){.name = "piece", .body = BODY_TIBIA, .radii_mm = {3, 3, 2}};
+    return loose;
+}
+
+static void loose_body_of_7_mm(struct knee_case *knee) {
+    some_loose(knee)->radii_mm.y = 7;
+}
+
+static void loose_body_without_size(struct knee_case *knee) {
+    some_loose(knee)->radii_mm.z = NAN;
+}
+
+static void loose_body_nowhere(struct knee_case *knee) {
+    some_loose(knee)->at.x = INFINITY;
+}
+
+static void two_loose_bodies_of_one_name(struct knee_case *knee) {
+    some_loose(knee);
+    some_loose(knee);
+}
+
 static void infinite_warp(struct knee_case *knee) {
     case_group(knee, "tibia")->warp[4] = INFINITY;
 }
@@ -150,6 +173,10 @@ static void what_no_case_may_be_is_refused_by_name_and_not_saved(void **state) {
         enum result code;
         const char *says;
     } rows[] = {
+        {loose_body_of_7_mm, RESULT_INVALID, "loose body piece: its radii are not from 1 to 6 mm"},
+        {loose_body_without_size, RESULT_INVALID, "loose body piece: its radii"},
+        {loose_body_nowhere, RESULT_INVALID, "loose body piece: the place is not finite"},
+        {two_loose_bodies_of_one_name, RESULT_INVALID, "there are two loose bodies piece"},
         {no_tibia, RESULT_MISSING, "tibia"},
         {no_femur, RESULT_MISSING, "femur"},
         {open_meniscus, RESULT_INVALID, "meniscus_medial is cuttable but open"},

@@ -129,6 +129,13 @@ static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {
         {"[plan a]\nkind = flap\n", "[plan a] kind: unknown key"},
         {"[plan a]\ngroup = a b\n", "must be the name of a group"},
         {"[plan a]\ndepth_mm = 9.5\n", "[plan a] depth_mm = 9.5: must be a number from 1 to 9"},
+        {"[loose a]\ncount = 9\n", "[loose a] count: must be a number from 1 to 8"},
+        {"[loose a]\nbody = patella\n", "[loose a] body: must be femur or tibia"},
+        {"[loose a]\nradii_mm = 3 3 7\n", "[loose a] radii_mm: must be three numbers from 1 to 6"},
+        {"[loose a]\nat = 1 2\n", "[loose a] at: must be a landmark, or three numbers"},
+        {"[loose a]\nbody = tibia\n", "[loose a] needs either count, or body and at"},
+        {"[loose a]\ncount = 2\nbody = tibia\nat = notch\n", "[loose a] needs either count"},
+        {"[loose a]\nmass_g = 2\n", "[loose a] mass_g: unknown key"},
         {"[cavities]\nat = 1\n", "[cavities] at: unknown key"},
         {"[tear]\nat = 0.5\n", "[tear] at: unknown key"},
 #define KEYS "[ligament mcl]\nflexion_deg = 20 50\n"

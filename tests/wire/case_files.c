@@ -379,7 +379,7 @@ static void a_manifest_at_fault_is_refused_with_the_key(void **state) {
         enum result code;
         const char *says;
     } rows[] = {
-        {"format", "4", RESULT_VERSION, "case.json: format"},
+        {"format", "5", RESULT_VERSION, "case.json: format"},
         {"format", "0", RESULT_VERSION, "case.json: format"},
         {"format", NULL, RESULT_MISSING, "case.json: format"},
         {"format", "\"1\"", RESULT_MISSING, "format"},

@@ -56,6 +56,7 @@ struct session_attempt {
     double pass_time_s;
     int pass_errors;
     struct shared_site *site;
+    struct session_attempt *next; // for its owner
     // The worker's:
     uint32_t number;  // in the session, from 1; 0: it was not begun
     int64_t begun_ns; // since the session's start

@@ -57,6 +57,23 @@ static enum result take_begun(const struct sessions *s, struct restored *a,
     return attempts_restore(s, a->scene, &a->header, begun, a->place.time_ns, &a->attempt, err);
 }
 
+// As it was left by a command, which is no step. One that was judged otherwise then is left to its
+// trace.
+static void take_ended(struct restored *a, const struct trace_outcome *ended) {
+    struct session_attempt *attempt = a->attempt;
+    a->attempt = NULL;
+    if (!attempt)
+        return;
+    if (ended->end == ATTEMPT_LEFT)
+        attempt_leave(&attempt->attempt);
+    if (attempt->attempt.end != ended->end) {
+        attempts_free(&attempt);
+        return;
+    }
+    attempt->next = a->ended;
+    a->ended = attempt;
+}
+
 struct resume_run {
     const struct sessions *sessions;
     struct restored *restored;
@@ -89,7 +106,7 @@ static bool on_record(void *user, const struct trace_record *record) {
     else if (record->type == TRACE_BEGUN && !r->at_s)
         r->result = take_begun(r->sessions, a, &record->begun, r->err);
     else if (record->type == TRACE_ENDED)
-        attempts_free(&a->attempt);
+        take_ended(a, &record->ended);
     if (r->result != RESULT_OK || r->reached)
         return false;
     a->place = trace_reader_place(r->reader);
@@ -186,6 +203,11 @@ void restore_fini(struct restored *a) {
     remarks_fini(&a->remarks);
     marker_list_fini(&a->markers);
     attempts_free(&a->attempt);
+    while (a->ended) {
+        struct session_attempt *next = a->ended->next;
+        attempts_free(&a->ended);
+        a->ended = next;
+    }
     if (!a->session)
         return;
     attempts_free(&a->session->runtime.attempt);

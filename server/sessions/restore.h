@@ -16,6 +16,7 @@ struct restored {
     struct marker marked;            // the last of them; number 0: none
     uint32_t attempts;               // how many began
     struct session_attempt *attempt; // whose end it does not have; NULL: none
+    struct session_attempt *ended;   // all others, the last first: the records may lack them
     // Still without serial, trace and row, and on its old clock. NULL: it cannot go on.
     struct open_session *session;
 };

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/task_pool.h"
+#include "sessions/attempts.h"
 #include "sessions/closing.h"
 #include "sessions/opening.h"
 #include "sessions/own.h"
@@ -217,6 +218,15 @@ static void give_up(struct resumed *r, const struct error *err) {
     restore_fini(&r->restored);
 }
 
+// The server was killed, perhaps before the records had them.
+static void put_attempts(struct resumed *r) {
+    while (r->restored.ended) {
+        struct session_attempt *attempt = r->restored.ended;
+        r->restored.ended = attempt->next;
+        attempts_release(r->sessions, r->station, attempt);
+    }
+}
+
 static void attach(struct resumed *r) {
     struct sessions *s = r->sessions;
     struct session_runtime *runtime = &r->restored.session->runtime;
@@ -228,6 +238,7 @@ static void attach(struct resumed *r) {
         runtime->attempt->session = about.serial;
     session_row_begin(&r->restored.header, r->path, &r->restored.session->row);
     recorder_put(s->recorder, &r->restored.session->row);
+    put_attempts(r);
     r->restored.session = NULL;
     opening_hand_over(s, r->station, &about, runtime, &r->restored.remarks, &r->restored.markers);
 }

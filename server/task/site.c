@@ -335,6 +335,10 @@ const struct view_optic *site_optic(const struct site *site) {
     return &site->optic;
 }
 
+int site_tissue(const struct site *site, int group) {
+    return site->tissue[group];
+}
+
 bool site_error_concerns(const struct site *site, int error, int tool) {
     int about = site->error_tool[error];
     return about < 0 ? site->tools.of[tool].kind != INSTRUMENT_OPTIC : about == tool;

@@ -53,6 +53,7 @@ const struct instruments *site_tools(const struct site *site);
 const struct view_optic *site_optic(const struct site *site);
 
 const struct knee_case *site_case(const struct site *site);
+int site_tissue(const struct site *site, int group); // index of what can be cut; -1: it cannot
 
 // Whether the error is about this tool, and about this group.
 bool site_error_concerns(const struct site *site, int error, int tool);

@@ -40,6 +40,66 @@ void tell_json(const struct task *task, const struct attempt *attempt, const cha
     json_decref(root);
 }
 
+// ---- for the records ----------------------------------------------------------------------------
+
+static bool put(json_t *value, char *out, size_t size) {
+    size_t used = json_dumpb(value, out, size, JSON_COMPACT | JSON_REAL_PRECISION(6));
+    bool fits = used < size;
+    out[fits ? used : 0] = '\0';
+    json_decref(value);
+    return fits;
+}
+
+static json_t *met_json(const struct task *task, const struct attempt *attempt) {
+    json_t *goals = json_array();
+    for (int i = 0; i < task->goal_count; i++) {
+        const struct goal_state *state = &attempt->goals[i];
+        json_array_append_new(
+            goals, json_pack("{s:s, s:o}", "name", task->goals[i].name, "met_s",
+                             state->met ? json_real(1e-9 * (double)state->met_ns) : json_null()));
+    }
+    return goals;
+}
+
+static json_t *resections_json(const struct site *site, const struct attempt *attempt) {
+    const struct knee_case *knee = site_case(site);
+    json_t *all = json_array();
+    for (int group = 0; group < knee->group_count; group++) {
+        int tissue = site_tissue(site, group);
+        if (tissue < 0 || !(attempt->cut >> tissue & 1))
+            continue;
+        const struct quality_report *r = &attempt->resections[tissue];
+        json_array_append_new(all, json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f}", "group",
+                                             knee->groups[group].name, "removed_mm3",
+                                             r->removed_mm3, "planned_mm3", r->planned_mm3,
+                                             "over_mm3", r->over_mm3, "under_mm3", r->under_mm3,
+                                             "rim_mm", r->rim_mm, "step_mm", r->step_mm));
+    }
+    return all;
+}
+
+bool tell_figures(const struct site *site, const struct attempt *attempt, char *out, size_t size) {
+    return put(json_pack("{s:o, s:o}", "goals", met_json(site_task(site), attempt), "resections",
+                         resections_json(site, attempt)),
+               out, size);
+}
+
+bool tell_occurrences(const struct site *site, const struct attempt *attempt, char *out,
+                      size_t size) {
+    json_t *all = json_array();
+    for (int i = 0; i < attempt->occurrence_count; i++) {
+        const struct occurrence *o = &attempt->occurrences[i];
+        const char *tool = o->tool < 0 ? "" : site_tools(site)->of[o->tool].name;
+        json_array_append_new(all, json_pack("{s:s, s:s, s:I, s:f}", "error",
+                                             site_task(site)->errors[o->error].name, "tool", tool,
+                                             "step", (json_int_t)o->step, "time_s",
+                                             1e-9 * (double)o->time_ns));
+    }
+    return put(all, out, size);
+}
+
+// ---- for people ---------------------------------------------------------------------------------
+
 static void print_resection(const struct quality_report *r) {
     printf(
         "  plan  %.0f mm3: %.0f still there, %.0f removed beyond it; rim %.1f mm, step %.1f mm\n",

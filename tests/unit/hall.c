@@ -49,6 +49,7 @@ struct sessions *hall_open(void) {
     snprintf(config.keys_dir, sizeof config.keys_dir, "%s/keys", hall_dir);
     snprintf(config.traces_dir, sizeof config.traces_dir, "%s/traces", hall_dir);
     snprintf(config.socket, sizeof config.socket, "%s/s", hall_dir);
+    snprintf(config.tasks_dir, sizeof config.tasks_dir, "%s/tasks", hall_dir);
     for (int i = 0; i < 2; i++) {
         snprintf(config.cases[i].name, sizeof config.cases[i].name, "boxes%d", i);
         snprintf(config.cases[i].dir, sizeof config.cases[i].dir, "%s/case", hall_dir);

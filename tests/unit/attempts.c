@@ -1,0 +1,296 @@
+// Attempts in a running session: begun and left by command, judged, told, in the trace, over a
+// restart.
+#include "runtime/attempts.h"
+
+#include "judging/judging.h"
+#include "runtime/attempt_state.h"
+#include "sessions/parts.h"
+#include "test.h"
+#include "unit/hall.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define TASK                                                                                       \
+    "[task]\ntitle = Rest\nbriefing = Hold the knee.\nlimit_s = 60\n[pass]\ntime_s = 30\n"         \
+    "source = for a test\n[goal rest]\nflexion_deg = -20 160\nhold_s = %g\n"                       \
+    "[error deep]\ndeep_mm = 1\nsentinel = yes\n"
+
+static int make(void **state) {
+    static const struct {
+        const char *name;
+        double hold_s;
+    } tasks[] = {{"soon", 0.2}, {"late", 50}};
+    char path[FOLDER_MAX + 64];
+    if (hall_make(state) != 0)
+        return -1;
+    snprintf(path, sizeof path, "%s/tasks", hall_dir);
+    mkdir(path, 0700);
+    for (int i = 0; i < 2; i++) {
+        snprintf(path, sizeof path, "%s/tasks/%s.ini", hall_dir, tasks[i].name);
+        FILE *file = fopen(path, "w");
+        fprintf(file, TASK, tasks[i].hold_s);
+        fclose(file);
+    }
+    return 0;
+}
+
+static struct sessions *begin(void) {
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    return sessions;
+}
+
+static const arthron_CommandReply *ask(struct sessions *sessions, arthron_Command command) {
+    static arthron_CommandReply reply;
+    snprintf(command.station, sizeof command.station, "room-1");
+    sessions_command(sessions, "otto", &command, &reply);
+    return &reply;
+}
+
+static const arthron_CommandReply *ask_for(struct sessions *sessions, const char *task) {
+    arthron_Command command = {.kind = arthron_Command_Kind_BEGIN,
+                               .hand = arthron_AttemptState_Hand_LEFT_HAND};
+    snprintf(command.task, sizeof command.task, "%s", task);
+    return ask(sessions, command);
+}
+
+static void begin_task(struct sessions *sessions, const char *task) {
+    const arthron_CommandReply *reply = ask_for(sessions, task);
+    if (!reply->ok)
+        fail_msg("%s", reply->text);
+}
+
+static arthron_AttemptState shown(struct sessions *sessions) {
+    struct live_attempt attempt;
+    runtime_shown_attempt(sessions->runtime, 0, &attempt);
+    return attempt.state;
+}
+
+static arthron_AttemptState wait_for_end(struct sessions *sessions) {
+    arthron_AttemptState state = shown(sessions);
+    for (int i = 0; i < 10000 && state.end == arthron_AttemptState_End_RUNS; i++) {
+        hall_wait_ms(1);
+        state = shown(sessions);
+    }
+    assert_int_not_equal(state.end, arthron_AttemptState_End_RUNS);
+    return state;
+}
+
+#define MOST 8
+
+struct found {
+    int count, same;
+    struct {
+        struct trace_attempt begun;
+        struct trace_outcome ended;
+        struct attempt attempt;
+    } all[MOST];
+};
+
+static void take(void *user, const struct judged_attempt *judged) {
+    struct found *found = user;
+    assert_true(found->count < MOST);
+    found->all[found->count].begun = *judged->begun;
+    if (judged->ended)
+        found->all[found->count].ended = *judged->ended;
+    found->all[found->count++].attempt = judged->attempt;
+    found->same += judged->is_same;
+}
+
+static struct found *judge(struct sessions *sessions, const char *trace) {
+    static struct found found;
+    struct attempt_taker taker = {.user = &found, .take = take};
+    struct trace_reader *reader;
+    struct error err;
+    memset(&found, 0, sizeof found);
+    assert_ok(trace_reader_create(trace, &reader, &err));
+    judge_trace(reader, sessions->scenes[0], &taker, &err);
+    trace_reader_destroy(&reader);
+    assert_int_equal(found.same, found.count);
+    return &found;
+}
+
+// What was appended comes into the file within 20 ms.
+static struct found *judge_all(struct sessions *sessions, int count) {
+    struct station_status status = hall_status(sessions);
+    struct found *found = judge(sessions, status.about.trace);
+    for (int i = 0; i < 1000 && (found->count < count || !found->all[count - 1].ended.number);
+         i++) {
+        hall_wait_ms(10);
+        found = judge(sessions, status.about.trace);
+    }
+    assert_int_equal(found->count, count);
+    return found;
+}
+
+// ---- tests --------------------------------------------------------------------------------------
+
+static void an_attempt_is_judged_told_and_in_the_trace(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    begin_task(sessions, "soon");
+    arthron_AttemptState attempt = wait_for_end(sessions);
+    assert_int_equal(attempt.number, 1);
+    assert_string_equal(attempt.title, "Rest");
+    assert_int_equal(attempt.hand, arthron_AttemptState_Hand_LEFT_HAND);
+    assert_int_equal(attempt.end, arthron_AttemptState_End_DONE);
+    assert_int_equal(attempt.verdict, arthron_AttemptState_Verdict_PASSED);
+    assert_int_equal(attempt.goals_count, 1);
+    assert_true(attempt.goals[0].has_met_ns && attempt.goals[0].met_ns >= 200000000);
+    assert_int_equal(attempt.errors_count, 1);
+    assert_true(attempt.begun_step > 0 && attempt.last_step > attempt.begun_step);
+    begin_task(sessions, "soon");
+    attempt = wait_for_end(sessions);
+    assert_int_equal(attempt.number, 2);
+    const struct found *found = judge_all(sessions, 2);
+    assert_int_equal(found->all[1].ended.last_step, attempt.last_step);
+    assert_int_equal(found->all[1].ended.time_ns, attempt.time_ns);
+    assert_string_equal(found->all[1].begun.task, "soon");
+    sessions_destroy(&sessions);
+}
+
+static void one_runs_at_a_time_until_it_is_left(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    arthron_Command leave = {.kind = arthron_Command_Kind_LEAVE};
+    assert_string_equal(ask(sessions, leave)->text, "station room-1: no attempt runs");
+    assert_string_equal(ask_for(sessions, "none")->text, "there is no task none");
+    begin_task(sessions, "late");
+    assert_string_equal(ask_for(sessions, "soon")->text, "station room-1: an attempt runs: late");
+    assert_true(ask(sessions, leave)->ok);
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    assert_string_equal(ask(sessions, leave)->text, "station room-1: no attempt runs");
+    assert_int_equal(judge_all(sessions, 1)->all[0].ended.end, ATTEMPT_LEFT);
+    sessions_destroy(&sessions);
+}
+
+static void a_reset_and_the_end_of_the_session_leave_it(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    begin_task(sessions, "late");
+    hall_command(sessions, arthron_Command_Kind_RESET);
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    begin_task(sessions, "late");
+    hall_command(sessions, arthron_Command_Kind_STOP);
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    const struct found *found = judge_all(sessions, 2);
+    assert_int_equal(found->count, 2);
+    assert_int_equal(found->all[1].ended.verdict, VERDICT_NOT_YET);
+    assert_string_equal(ask_for(sessions, "soon")->text, "station room-1 has no session");
+    sessions_destroy(&sessions);
+}
+
+static void a_pause_does_not_count(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    begin_task(sessions, "late");
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    struct step_snapshot before, after;
+    runtime_snapshot(sessions->runtime, 0, &before);
+    hall_wait_ms(120);
+    hall_command(sessions, arthron_Command_Kind_START);
+    do
+        runtime_snapshot(sessions->runtime, 0, &after);
+    while (after.attempt_ns == before.attempt_ns);
+    assert_int_equal(after.attempt, 1);
+    assert_true(after.attempt_ns - before.attempt_ns < 110000000);
+    sessions_destroy(&sessions);
+}
+
+static void the_next_server_goes_on_with_it(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    begin_task(sessions, "soon");
+    wait_for_end(sessions);
+    begin_task(sessions, "late");
+    hall_wait_ms(100);
+    sessions_hand_over(&sessions);
+    sessions = hall_open();
+    arthron_AttemptState attempt = shown(sessions);
+    for (int i = 0; i < 10000 && !attempt.number; i++) {
+        hall_wait_ms(1);
+        attempt = shown(sessions);
+    }
+    assert_int_equal(attempt.number, 2);
+    assert_string_equal(attempt.task, "late");
+    assert_int_equal(attempt.end, arthron_AttemptState_End_RUNS);
+    assert_true(attempt.time_ns > 0);
+    ask(sessions, (arthron_Command){.kind = arthron_Command_Kind_LEAVE});
+    begin_task(sessions, "soon");
+    assert_int_equal(shown(sessions).number, 3);
+    wait_for_end(sessions);
+    assert_int_equal(judge_all(sessions, 3)->all[1].ended.end, ATTEMPT_LEFT);
+    sessions_destroy(&sessions);
+}
+
+static void who_trains_may_practise_in_an_own_session_alone(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    arthron_Command command = {
+        .kind = arthron_Command_Kind_BEGIN, .task = "late", .trainee = "eva"};
+    assert_string_equal(ask(sessions, command)->text, "station room-1: it has no session of yours");
+    arthron_Command assign = {.kind = arthron_Command_Kind_ASSIGN, .trainee = "eva"};
+    assert_true(ask(sessions, assign)->ok);
+    hall_command(sessions, arthron_Command_Kind_STOP);
+    hall_command(sessions, arthron_Command_Kind_START);
+    command.purpose = arthron_AttemptState_Purpose_EXAM;
+    assert_string_equal(ask(sessions, command)->text, "station room-1: an exam is for instructors");
+    command.purpose = arthron_AttemptState_Purpose_PRACTICE;
+    assert_true(ask(sessions, command)->ok);
+    arthron_Command leave = {.kind = arthron_Command_Kind_LEAVE, .trainee = "otto"};
+    assert_string_equal(ask(sessions, leave)->text, "station room-1: it has no session of yours");
+    snprintf(leave.trainee, sizeof leave.trainee, "eva");
+    assert_true(ask(sessions, leave)->ok);
+    sessions_destroy(&sessions);
+}
+
+static void a_copy_has_none_of_them(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    begin_task(sessions, "late");
+    hall_wait_ms(60);
+    char id[33];
+    struct station_status status = hall_status(sessions);
+    for (int i = 0; i < 16; i++)
+        snprintf(id + 2 * i, 3, "%02x", status.about.id[i]);
+    arthron_Command copy = {.kind = arthron_Command_Kind_COPY};
+    snprintf(copy.from, sizeof copy.from, "%s", id);
+    const arthron_CommandReply *reply = ask(sessions, copy);
+    if (!reply->ok)
+        fail_msg("%s", reply->text);
+    begin_task(sessions, "soon");
+    assert_int_equal(wait_for_end(sessions).number, 1);
+    assert_int_equal(judge_all(sessions, 1)->all[0].ended.end, ATTEMPT_DONE);
+    sessions_destroy(&sessions);
+}
+
+static void an_exam_is_withheld_and_practice_is_not(void **state) {
+    (void)state;
+    arthron_AttemptState told = {.number = 1,
+                                 .goals_count = 2,
+                                 .errors_count = 1,
+                                 .occurrences_count = 3,
+                                 .verdict = arthron_AttemptState_Verdict_PASSED};
+    attempt_state_withhold(&told);
+    assert_int_equal(told.goals_count, 2);
+    told.purpose = arthron_AttemptState_Purpose_EXAM;
+    attempt_state_withhold(&told);
+    assert_int_equal(told.goals_count + told.errors_count + told.occurrences_count, 0);
+    assert_int_equal(told.verdict, arthron_AttemptState_Verdict_OPEN);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_attempt_is_judged_told_and_in_the_trace),
+        cmocka_unit_test(one_runs_at_a_time_until_it_is_left),
+        cmocka_unit_test(a_reset_and_the_end_of_the_session_leave_it),
+        cmocka_unit_test(a_pause_does_not_count),
+        cmocka_unit_test(the_next_server_goes_on_with_it),
+        cmocka_unit_test(who_trains_may_practise_in_an_own_session_alone),
+        cmocka_unit_test(a_copy_has_none_of_them),
+        cmocka_unit_test(an_exam_is_withheld_and_practice_is_not),
+    };
+    return cmocka_run_group_tests(tests, make, hall_remove);
+}

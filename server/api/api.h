@@ -6,6 +6,7 @@
 #include "case/case.h"
 #include "task/task.h"
 #include "web/web.h"
+#include "wire/wire.h"
 
 #include <stdio.h>
 
@@ -42,10 +43,13 @@ struct api_config {
     enum result (*report)(void *user, const struct api_report *about, FILE *file,
                           struct error *err);
     int port;                 // the server's, for stations
-    void *user;               // of `report`
+    void *user;               // of `report` and `command`
     case_checker check_case;  // before a case is read here; or NULL
     const struct task *tasks; // the library, as read at the server's start
     int task_count;
+    // A command to a running session; it waits. From any thread.
+    void (*command)(void *user, const char *actor, const arthron_Command *command,
+                    arthron_CommandReply *out_reply);
 };
 
 struct api;

@@ -41,6 +41,8 @@ const struct route routes[] = {
     {"GET",    "/stations",               STAFF,      get_stations},
     {"POST",   "/stations/*/code",        STAFF,      post_station_code},
     {"POST",   "/stations/*/revoke",      STAFF,      post_station_revoke},
+    {"POST",   "/stations/*/attempt",     REVIEW,     post_station_attempt},
+    {"DELETE", "/stations/*/attempt",     REVIEW,     delete_station_attempt},
     {"GET",    "/cases",                  SIGNED_IN,  get_cases},
     {"GET",    "/cases/*",                SIGNED_IN,  get_case},
     {"GET",    "/cases/*/case.json",      SIGNED_IN,  get_case_manifest},

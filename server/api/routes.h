@@ -69,6 +69,8 @@ void get_server(struct api_call *call);
 void get_stations(struct api_call *call);
 void post_station_code(struct api_call *call);
 void post_station_revoke(struct api_call *call);
+void post_station_attempt(struct api_call *call);
+void delete_station_attempt(struct api_call *call);
 void get_cases(struct api_call *call);
 void get_case(struct api_call *call);
 void get_case_manifest(struct api_call *call);

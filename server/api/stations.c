@@ -1,9 +1,12 @@
 #include "api/routes.h"
+#include "base/attempt_words.h"
+#include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "net/authority.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 void get_server(struct api_call *call) {
@@ -42,18 +45,28 @@ void get_stations(struct api_call *call) {
     call_answer(call, 200, json_pack("{s:o}", "stations", stations));
 }
 
-// The station of the path, in the config; NULL after a refusal.
-static const char *find_station(struct api_call *call) {
-    static const char *const fields[] = {NULL};
-    const struct api_config *config = &call->api->config;
-    if (!call_take_body(call, fields))
-        return NULL;
+// Its name in the config; NULL: there is none.
+static const char *station_named(const struct api_config *config, const char *name) {
     for (int i = 0; i < config->station_count; i++)
-        if (!strcmp(config->stations[i].name, call->args[0]))
+        if (!strcmp(config->stations[i].name, name))
             return config->stations[i].name;
+    return NULL;
+}
+
+static void refuse_station(struct api_call *call) {
     call_refuse(call, 404, "not_found", NULL, "The server's config has no station '%s'.",
                 call->args[0]);
-    return NULL;
+}
+
+// The station of the path; NULL after a refusal.
+static const char *find_station(struct api_call *call) {
+    static const char *const fields[] = {NULL};
+    if (!call_take_body(call, fields))
+        return NULL;
+    const char *station = station_named(&call->api->config, call->args[0]);
+    if (!station)
+        refuse_station(call);
+    return station;
 }
 
 // Before it is done, so that nothing is done that is not in the log.
@@ -91,4 +104,67 @@ void post_station_revoke(struct api_call *call) {
                     station);
     else if (call_check(call, result, &err))
         call_done(call);
+}
+
+// ---- attempts -----------------------------------------------------------------------------------
+
+// The sessions decide.
+static void obey(struct api_call *call, const arthron_Command *command) {
+    const struct api_config *config = &call->api->config;
+    arthron_CommandReply *reply = alloc(1, sizeof *reply);
+    call_close_store(call);
+    config->command(config->user, call->principal.actor, command, reply);
+    if (reply->ok)
+        call_done(call);
+    else
+        call_refuse(call, 409, "conflict", NULL, "%s.", reply->text);
+    free(reply);
+}
+
+// To a trainee, a station that is not there is one without an own session.
+static void command_station(struct api_call *call, arthron_Command *command) {
+    bool is_trainee = call->principal.role == ROLE_TRAINEE;
+    bool is_there = station_named(&call->api->config, call->args[0]);
+    bool may_own = is_there && call->principal.trainee[0];
+    snprintf(command->station, sizeof command->station, "%s", call->args[0]);
+    if (is_trainee)
+        snprintf(command->trainee, sizeof command->trainee, "%s", call->principal.trainee);
+    if (is_trainee && !may_own)
+        call_refuse(call, 409, "conflict", NULL, "station %s: it has no session of yours.",
+                    call->args[0]);
+    else if (is_there)
+        obey(call, command);
+    else
+        refuse_station(call);
+}
+
+static bool take_word(struct api_call *call, const char *field, int (*from)(const char *),
+                      int *in_out) {
+    const char *text = call_text(call, field);
+    int index = text ? from(text) : *in_out;
+    if (index < 0)
+        call_refuse(call, 400, "wrong_field", field, "'%s' is none of its values.", text);
+    *in_out = index;
+    return index >= 0;
+}
+
+void post_station_attempt(struct api_call *call) {
+    static const char *const fields[] = {"task", "purpose", "hand", NULL};
+    arthron_Command command = {.kind = arthron_Command_Kind_BEGIN};
+    const char *task;
+    int purpose = ATTEMPT_PRACTICE, hand = ATTEMPT_RIGHT;
+    if (!call_take_body(call, fields) || !call_need_name(call, "task", &task) ||
+        !take_word(call, "purpose", attempt_purpose_from, &purpose) ||
+        !take_word(call, "hand", attempt_hand_from, &hand))
+        return;
+    command.purpose = (arthron_AttemptState_Purpose)purpose;
+    command.hand = (arthron_AttemptState_Hand)hand;
+    if (snprintf(command.task, sizeof command.task, "%s", task) >= (int)sizeof command.task)
+        call_refuse(call, 409, "conflict", "task", "There is no task '%s'.", task);
+    else
+        command_station(call, &command);
+}
+
+void delete_station_attempt(struct api_call *call) {
+    command_station(call, &(arthron_Command){.kind = arthron_Command_Kind_LEAVE});
 }

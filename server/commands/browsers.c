@@ -188,6 +188,7 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
         .stations = b->stations,
         .station_count = served->station_count,
         .report = write_report,
+        .command = sessions_command,
         .user = sessions,
         .check_case = served->check_case,
         .port = served->port,

@@ -131,10 +131,23 @@ static enum result report(void *user, const struct api_report *about, FILE *file
     return RESULT_OK;
 }
 
+// The session of room-1 is ada's, and no attempt runs.
+static void obey(void *user, const char *actor, const arthron_Command *command,
+                 arthron_CommandReply *out_reply) {
+    (void)user;
+    bool begins = command->kind == arthron_Command_Kind_BEGIN;
+    bool own = !command->trainee[0] || !strcmp(command->trainee, "ada");
+    *out_reply = (arthron_CommandReply){.ok = actor[0] && own && begins};
+    if (begins && own)
+        assert_string_equal(command->task, "centring");
+    snprintf(out_reply->text, sizeof out_reply->text, "%s",
+             own ? "station room-1: no attempt runs" : "it has no session of yours");
+}
+
 void api_restart(void) {
     static const char link[] = "https://server.example.org:4880/";
     const struct api_config config = {records, keys, link, cases,       2,     stations, 2,
-                                      report,  4810, NULL, api_checker, tasks, 2};
+                                      report,  4810, NULL, api_checker, tasks, 2,        obey};
     api_destroy(&the_api);
     assert_ok(api_create(&config, &the_api, &err));
 }

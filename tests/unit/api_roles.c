@@ -47,6 +47,8 @@ static const struct {
     {"GET", "/stations", "it"},
     {"POST", "/stations/none/code", "it"},
     {"POST", "/stations/none/revoke", "it"},
+    {"POST", "/stations/none/attempt", "ioc"},
+    {"DELETE", "/stations/none/attempt", "ioc"},
     {"GET", "/cases", "itoc"},
     {"GET", "/cases/healthy", "itoc"},
     {"GET", "/cases/healthy/case.json", "itoc"},
@@ -306,6 +308,13 @@ static const struct {
     {"DELETE", "/tokens/99999999999999999999", NULL, 404, "not_found", "(none)"},
     {"POST", "/stations/none/code", "{}", 404, "not_found", "(none)"},
     {"POST", "/stations/room-1/revoke", "{}", 409, "conflict", "(none)"},
+    {"POST", "/stations/none/attempt", "{\"task\":\"x\"}", 404, "not_found", "(none)"},
+    {"POST", "/stations/room-1/attempt", "{\"hand\":\"left\"}", 400, "wrong_field", "task"},
+    {"POST", "/stations/room-1/attempt", "{\"task\":\"centring\",\"hand\":\"third\"}", 400,
+     "wrong_field", "hand"},
+    {"POST", "/stations/room-1/attempt", "{\"task\":\"centring\",\"purpose\":\"\"}", 400,
+     "wrong_field", "purpose"},
+    {"DELETE", "/stations/room-1/attempt", NULL, 409, "conflict", "(none)"},
     {"POST", "/sign-in", "{\"name\":\"a\"}", 400, "wrong_field", "password"},
     {"POST", "/sign-in", "{\"name\":\"a\",\"password\":\"b\",\"code\":\"c\"}", 400, "wrong_field",
      "code"},
@@ -433,6 +442,16 @@ static const struct {
     {"DELETE", "/exams/7", NULL, 404, "not_found", "(none)"},
 };
 
+static void who_trains_begins_an_attempt_in_an_own_session_alone(void **state) {
+    (void)state;
+    static const char path[] = "/stations/room-1/attempt";
+    static const char body[] = "{\"task\":\"centring\",\"hand\":\"left\"}";
+    assert_int_equal(ask("POST", path, token_of("grace"), body), 204);
+    assert_int_equal(ask("POST", path, token_of("ada.l"), body), 204);
+    assert_int_equal(ask("POST", "/stations/none/attempt", token_of("ada.l"), body), 409);
+    assert_string_equal(error_code(), "conflict");
+}
+
 static void what_is_wrong_is_named(void **state) {
     (void)state;
     const char *token = token_of("grace");
@@ -470,6 +489,7 @@ int main(void) {
         TEST(a_technician_manages_technicians_and_nobody_above),
         TEST(no_route_is_without_a_rule),
         TEST(a_path_that_is_none_is_not_found),
+        TEST(who_trains_begins_an_attempt_in_an_own_session_alone),
         TEST(what_is_wrong_is_named),
         TEST(a_body_that_is_too_large_is_refused),
     };

@@ -1,28 +1,25 @@
-// A course's attempts for researchers, as a zip.
 #include "study/study.h"
 
 #include "api/routes.h"
+#include "api/values.h"
 #include "base/check.h"
 #include "base/clock.h"
-#include "base/number.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define SECONDS_MAX 9e9 // the year 2255
+#define UTC_MAX_S 9007199254.0
 
-// Seconds since 1970; 0 where it is not given. False after a refusal.
-static bool take_time(struct api_call *call, const struct call_query *query, int index,
-                      int64_t *out_utc_ns) {
-    const char *text = call_parameter(query, index);
-    double seconds = 0;
-    bool good = !text || number_double(text, 0, SECONDS_MAX, &seconds);
-    if (!good)
-        call_refuse(call, 400, "wrong_query", query->names[index],
-                    "The parameter '%s' is a time in seconds since 1970.", query->names[index]);
-    *out_utc_ns = (int64_t)(seconds * (double)NS_PER_S);
-    return good;
+static bool take_times(struct api_call *call, const struct call_query *query,
+                       struct study_request *request) {
+    double from_s = 0, to_s = 0;
+    if (!value_parameter(call, query, 1, 0, UTC_MAX_S, &from_s) ||
+        !value_parameter(call, query, 2, 0, UTC_MAX_S, &to_s))
+        return false;
+    request->from_utc_ns = (int64_t)(from_s * 1000) * NS_PER_MS;
+    request->to_utc_ns = (int64_t)(to_s * 1000) * NS_PER_MS;
+    return true;
 }
 
 // The log has it before anybody gets it.
@@ -56,8 +53,7 @@ static void answer_study(struct api_call *call, const struct study_request *requ
 void get_course_export(struct api_call *call) {
     struct call_query query = {.names = {"task", "from", "to"}};
     struct study_request request = {.course = call->args[0]};
-    if (!call_take_query(call, &query) || !take_time(call, &query, 1, &request.from_utc_ns) ||
-        !take_time(call, &query, 2, &request.to_utc_ns) || !note_export(call))
+    if (!call_take_query(call, &query) || !take_times(call, &query, &request) || !note_export(call))
         return;
     request.task = call_parameter(&query, 0);
     answer_study(call, &request);

@@ -130,6 +130,31 @@ static void a_trace_is_a_file_and_a_report_a_page(void **state) {
     assert_string_equal(answer.file, "");
 }
 
+static void a_course_is_exported_as_a_zip(void **state) {
+    (void)state;
+    const char *token = token_of("grace");
+    static const struct {
+        const char *path, *field;
+        int status;
+    } rows[] = {
+        {"/courses/spring/export", "(none)", 404},
+        {"/courses/autumn/export?from=yesterday", "from", 400},
+        {"/courses/autumn/export?to=-1", "to", 400},
+        {"/courses/autumn/export?names=yes", "(none)", 400},
+    };
+    assert_int_equal(
+        ask("GET", "/courses/autumn/export?task=steady&from=0&to=1700000000.5", token, NULL), 200);
+    assert_string_equal(answer.type, "application/zip");
+    assert_string_equal(answer.download, "attempts.zip");
+    assert_memory_equal(answer.body, "PK\3\4", 4);
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        assert_int_equal(ask("GET", rows[i].path, token, NULL), rows[i].status);
+        assert_string_equal(error_field(), rows[i].field);
+    }
+    assert_int_equal(ask("GET", "/audit?limit=9", token, NULL), 200);
+    assert_non_null(strstr(answer.body, "attempts of course autumn"));
+}
+
 static void a_report_is_beside_a_course_of_ones_own(void **state) {
     (void)state;
     static const struct {
@@ -449,6 +474,7 @@ int main(void) {
         TEST(sessions_come_newest_first_and_page_by_page),
         TEST(a_session_comes_with_its_results),
         TEST(a_trace_is_a_file_and_a_report_a_page),
+        TEST(a_course_is_exported_as_a_zip),
         TEST(a_report_is_beside_a_course_of_ones_own),
         TEST(distributions_have_values_and_no_names),
         TEST(a_trainee_sees_distributions_of_their_own_courses),

@@ -181,7 +181,9 @@ static void take_watch(struct live_server *live, struct viewer *viewer,
 static bool practises(const struct viewer *viewer, const arthron_Command *command) {
     return viewer->role == ROLE_TRAINEE && viewer->account.trainee[0] &&
            (command->kind == arthron_Command_Kind_BEGIN ||
-            command->kind == arthron_Command_Kind_LEAVE);
+            command->kind == arthron_Command_Kind_LEAVE ||
+            command->kind == arthron_Command_Kind_HELP ||
+            command->kind == arthron_Command_Kind_TAKE);
 }
 
 // A path is for those who may use the server's socket: who asks on a page has no files here.

@@ -79,6 +79,8 @@ static void tell_tissues(struct live_server *live, int station, const struct sta
     for (int i = 0; i < scene_tissue_count(sessions_scene(live->sessions, status->scene)); i++) {
         out->cuts += report.figures[i].cuts;
         out->removed_mm3 += report.figures[i].quality.removed_mm3;
+        out->planned_mm3 += report.figures[i].quality.planned_mm3;
+        out->over_mm3 += report.figures[i].quality.over_mm3;
     }
 }
 
@@ -104,6 +106,7 @@ static void fill_place(struct live_server *live, int station, double passed_s, a
         snprintf(out->refused, sizeof out->refused, "%s", status.refused);
     tell_devices(s, runtime_counts(runtime, station), &status, passed_s, out);
     tell_tissues(live, station, &status, out);
+    out->help_asked = has_session && status.help_of == status.about.serial;
     double lost = (double)rise(out->info.frames_lost, &s->lost);
     double late = (double)rise(out->info.frames_late, &s->late);
     double steps = (double)rise(out->info.steps, &s->frames);

@@ -99,6 +99,46 @@ static bool assign(struct sessions *s, int station, const char *trainee,
     return reply->ok = true;
 }
 
+// ---- who trains ---------------------------------------------------------------------------------
+
+static bool is_of(const struct station_status *status, const char *trainee) {
+    return status->phase != SLOT_EMPTY && !strcmp(status->about.trainee, trainee);
+}
+
+static bool ask_for_help(struct sessions *s, int station, const char *trainee,
+                         arthron_CommandReply *reply) {
+    struct station_status status;
+    station_slot_status(&s->slots[station], &status);
+    if (trainee[0] && !is_of(&status, trainee))
+        return reply_refuse(reply, "station %s: it has no session of yours",
+                            station_name(s, station));
+    station_slot_set_help(&s->slots[station], status.about.serial);
+    return reply->ok = true;
+}
+
+// An own session that is open goes on. Another's that runs or is paused is left alone.
+static bool take_station(struct sessions *s, int station, const char *trainee,
+                         arthron_CommandReply *reply) {
+    struct station_slot *slot = &s->slots[station];
+    struct station_status status;
+    station_slot_status(slot, &status);
+    bool is_used = status.phase != SLOT_EMPTY && status.about.trainee[0] &&
+                   (status.state == SESSION_RUNNING || status.state == SESSION_PAUSED);
+    if (!trainee[0])
+        return reply_refuse(reply, "who takes a station is a trainee");
+    if (is_used && !is_of(&status, trainee))
+        return reply_refuse(reply, "station %s: somebody else trains there",
+                            station_name(s, station));
+    if (!is_of(&status, trainee) &&
+        (!course_stop(s, station, reply) || !assign(s, station, trainee, reply)))
+        return false;
+    station_slot_set_stopped(slot, false);
+    return course_open(s, station, reply) &&
+           (status.state == SESSION_RUNNING && is_of(&status, trainee)
+                ? (reply->ok = true)
+                : course_input(s, station, INPUT_START, SESSION_RUNNING, reply));
+}
+
 // The long part, the other session run again, comes before the command lock.
 static void copy_session(struct sessions *s, int station, const arthron_Command *command,
                          arthron_CommandReply *reply) {
@@ -132,6 +172,13 @@ static bool has_session(struct sessions *s, int station, arthron_CommandReply *r
            reply_refuse(reply, "station %s has no session", station_name(s, station));
 }
 
+// Who called an instructor has one.
+static void note(struct sessions *s, const char *actor, const arthron_Command *command, int station,
+                 arthron_CommandReply *reply) {
+    if (remark_command(s, station, actor, &command->remark, reply))
+        station_slot_set_help(&s->slots[station], 0);
+}
+
 static void command_session(struct sessions *s, const char *actor, const arthron_Command *command,
                             int station, arthron_CommandReply *reply) {
     if (!has_session(s, station, reply) || !course_open(s, station, reply))
@@ -143,11 +190,13 @@ static void command_session(struct sessions *s, const char *actor, const arthron
     else if (command->kind == arthron_Command_Kind_UNDO)
         ask_for_undo(s, station, reply);
     else if (command->kind == arthron_Command_Kind_NOTE)
-        remark_command(s, station, actor, &command->remark, reply);
+        note(s, actor, command, station, reply);
     else if (command->kind == arthron_Command_Kind_BEGIN)
         attempts_begin_command(s, station, command, reply);
     else if (command->kind == arthron_Command_Kind_LEAVE)
         attempts_leave_command(s, station, command, reply);
+    else if (command->kind == arthron_Command_Kind_HELP)
+        ask_for_help(s, station, command->trainee, reply);
     else
         course_input(s, station, INPUT_RESET, SESSION_RUNNING, reply);
 }
@@ -163,6 +212,8 @@ static void command_station(struct sessions *s, const char *actor, const arthron
         change_case(s, station, command, reply);
     } else if (command->kind == arthron_Command_Kind_ASSIGN) {
         assign(s, station, command->trainee, reply);
+    } else if (command->kind == arthron_Command_Kind_TAKE) {
+        take_station(s, station, command->trainee, reply);
     } else {
         command_session(s, actor, command, station, reply);
     }
@@ -174,7 +225,8 @@ static void command_station(struct sessions *s, const char *actor, const arthron
 static const char *command_name(arthron_Command_Kind kind) {
     static const char *const names[_arthron_Command_Kind_ARRAYSIZE] = {
         "list", "start", "pause", "stop",   "case",  "reset", "show",
-        "undo", "copy",  "note",  "assign", "begin", "leave"};
+        "undo", "copy",  "note",  "assign", "begin", "leave",
+        "help", "take"};
     return names[kind];
 }
 

@@ -176,6 +176,11 @@ void station_slot_set_trainee(struct station_slot *slot, const char *trainee) {
     end(slot);
 }
 
+void station_slot_set_help(struct station_slot *slot, uint64_t session) {
+    begin(slot)->help_of = session;
+    end(slot);
+}
+
 // ---- the station --------------------------------------------------------------------------------
 
 bool station_slot_join(struct station_slot *slot, struct control_peer peer,

@@ -44,6 +44,7 @@ struct station_status {
     struct session_about about; // of the last session that was attached
     bool has_tissues;           // runtime_tissues reports on that session
     uint64_t tissues_of;        // serial of the last session with a report of runtime_tissues
+    uint64_t help_of;           // serial of the session whose trainee calls an instructor; 0: none
 
     // The sessions to come:
     int scene;
@@ -134,6 +135,8 @@ void station_slot_set_stopped(struct station_slot *slot, bool stopped);
 // Also ends a stop by command.
 void station_slot_set_case(struct station_slot *slot, int scene, double strength);
 void station_slot_set_trainee(struct station_slot *slot, const char *trainee);
+// session: the serial of the one whose trainee calls an instructor; 0: none does.
+void station_slot_set_help(struct station_slot *slot, uint64_t session);
 
 // ---- the station ----
 

@@ -38,6 +38,10 @@ export class Api {
     return this.ask<T>("PATCH", path, body);
   }
 
+  put<T>(path: string, body: object): Promise<T> {
+    return this.ask<T>("PUT", path, body);
+  }
+
   delete(path: string): Promise<void> {
     return this.ask<void>("DELETE", path);
   }

@@ -14,6 +14,7 @@ interface Page {
   load(): Promise<View>;
   roles?: Role[]; // who may see it; absent: everybody, signed in or not
   bare?: boolean; // without the frame
+  open?: boolean; // whoever signs in or out stays there
 }
 
 const STAFF: Role[] = ["instructor", "technician"];
@@ -29,11 +30,17 @@ const PAGES: Record<string, Page> = {
   admin: { load: async () => (await import("./views/admin")).admin, roles: STAFF },
   station: { load: async () => (await import("./views/station")).station, roles: ALL },
   scope: { load: async () => (await import("./views/scope")).scope, roles: ALL, bare: true },
+  course: { load: async () => (await import("./views/my_course")).myCourse, roles: ["trainee"] },
+  courses: { load: async () => (await import("./views/progress")).courses, roles: ["instructor"] },
+  exams: { load: async () => (await import("./views/exams")).exams, roles: ["instructor"] },
+  rate: { load: async () => (await import("./views/rate")).rate, roles: ["instructor"] },
+  research: { load: async () => (await import("./views/research")).research, roles: ["instructor"] },
+  train: { load: async () => (await import("./views/train")).train, bare: true, open: true },
 };
 
 const SIGNED_IN = "signed-in";
 
-const home = (account: Account): string => (account.role === "trainee" ? "#/sessions" : "#/wall");
+const home = (account: Account): string => (account.role === "trainee" ? "#/course" : "#/wall");
 
 const api = new Api();
 const feed = new Feed(browserEnvironment(stillSignedIn));
@@ -49,7 +56,7 @@ const app: App = {
     localStorage.setItem(SIGNED_IN, "1");
     app.account = account;
     setTechnician(account.role === "technician");
-    const to = wanted || home(account);
+    const to = PAGES[parseRoute(location.hash).name]?.open ? location.hash : wanted || home(account);
     wanted = "";
     if (location.hash === to) void show();
     else location.hash = to;
@@ -93,10 +100,11 @@ function expired(): void {
 function signedOut(then: string): void {
   localStorage.removeItem(SIGNED_IN);
   app.account = undefined;
-  wanted = then;
+  wanted = PAGES[parseRoute(then).name]?.open ? "" : then;
   feed.unwatch();
-  if (parseRoute(location.hash).name !== "sign-in") location.hash = "#/sign-in";
-  else void show();
+  const { name } = parseRoute(location.hash);
+  if (name === "sign-in" || PAGES[name]?.open) void show();
+  else location.hash = "#/sign-in";
 }
 
 // What stands in the way of a route: another place to go to, or nothing.
@@ -106,7 +114,7 @@ function detour(route: Route, page: Page | undefined): string | undefined {
     wanted = route.name ? location.hash : "";
     return "#/sign-in";
   }
-  return route.name === "" || (page && !page.roles) ? home(app.account) : undefined;
+  return route.name === "" || (page && !page.roles && !page.open) ? home(app.account) : undefined;
 }
 
 async function show(): Promise<void> {

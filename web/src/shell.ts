@@ -18,7 +18,10 @@ interface Entry {
 
 const ENTRIES: Entry[] = [
   { name: "wall", href: "#/wall", label: text.views.wall, also: ["station", "scope"], roles: ["instructor", "technician"] },
+  { name: "course", href: "#/course", label: text.views.course, also: [], roles: ["trainee"] },
   { name: "sessions", href: "#/sessions", label: text.views.sessions, also: ["session"], roles: ["instructor", "trainee"] },
+  { name: "courses", href: "#/courses", label: text.views.courses, also: ["research"], roles: ["instructor"] },
+  { name: "exams", href: "#/exams", label: text.views.exams, also: ["rate"], roles: ["instructor"] },
   { name: "admin", href: "#/admin/stations", label: text.views.admin, also: [], roles: ["instructor", "technician"] },
 ];
 

@@ -10,6 +10,7 @@ import { routeTo } from "../router";
 import { FeedSource, resectionsAt } from "../source";
 import { format, text } from "../text";
 import { broken, button, empty, fill, h, icon, loading, select, setClass, setText } from "../ui";
+import { debriefAttempts, type DebriefAttempts } from "./debrief_attempts";
 import { Comparison } from "./debrief_compare";
 import { Transport } from "./debrief_transport";
 
@@ -91,6 +92,7 @@ class Replay {
   private readonly dashboard: Dashboard;
   private readonly transport: Transport;
   private readonly comparison: Comparison;
+  private readonly attempts: DebriefAttempts;
   private readonly cover = h("div", { class: "station-waiting" }, loading(text.debrief.waiting));
   private readonly notices = h("div", { class: "notices", role: "status" });
   private noticed = "";
@@ -104,8 +106,9 @@ class Replay {
     this.dashboard = new Dashboard(this.source, { onTime: (time) => this.transport.seek(time ?? 0), metrics: (replayed) => this.metrics.draw(replayed) });
     this.transport = new Transport(this.source);
     this.comparison = new Comparison(app, session, this.source, this.dashboard);
-    root.append(head(session, this.metrics, this.comparison), this.notices, this.comparison.element, this.transport.element,
-      h("div", { class: "station-main" }, this.dashboard.element, this.cover));
+    this.attempts = debriefAttempts(app, session.id, this.source, Number(query.get("attempt")) || 0, (time) => this.transport.seek(time));
+    root.append(head(session, this.metrics, this.comparison), this.notices, this.comparison.element, this.transport.element, this.attempts.element,
+      h("div", { class: "station-main" }, this.dashboard.element, this.attempts.scope, this.cover));
     this.ends = this.listen();
     const other = query.get("with");
     if (other) void this.comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
@@ -115,7 +118,7 @@ class Replay {
 
   close(): void {
     for (const end of this.ends) end();
-    for (const open of [this.comparison, this.transport, this.dashboard, this.source]) open.close();
+    for (const open of [this.attempts, this.comparison, this.transport, this.dashboard, this.source]) open.close();
   }
 
   private listen(): (() => void)[] {
@@ -123,6 +126,7 @@ class Replay {
     transport.onTime = (time) => {
       this.dashboard.setTime(time);
       comparison.setTime(time);
+      this.attempts.setTime(time);
     };
     comparison.onOther = (other, ahead, values) => {
       transport.setOther(other, ahead);

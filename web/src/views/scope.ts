@@ -76,7 +76,13 @@ export const scope: View = (root, route, app) => {
   return () => shown.close();
 };
 
-class Scope {
+/** A scope within another page: it shows that page's source, which goes on after it. */
+export interface ScopePlace {
+  source: FeedSource;
+  plain: boolean; // no colours of touch and sight: an exam gives no hints
+}
+
+export class Scope {
   private readonly name: string;
   private readonly picture: Picture;
   private readonly source: FeedSource;
@@ -97,12 +103,12 @@ class Scope {
   private dirty = true; // something other than poses has changed
   private readonly ends: (() => void)[];
 
-  constructor(root: HTMLElement, route: Route, private readonly app: App) {
+  constructor(root: HTMLElement, route: Route, private readonly app: App, private readonly place?: ScopePlace) {
     this.name = route.args[0] ?? "";
-    app.title(text.scope.title(this.name));
+    if (!place) app.title(text.scope.title(this.name));
     this.picture = new Picture(root, text.scope.title(this.name));
     this.settings = settingsOf(route);
-    this.source = FeedSource.live(app.feed, this.name, RATE_HZ, NEWEST_LIMITS);
+    this.source = place?.source ?? FeedSource.live(app.feed, this.name, RATE_HZ, NEWEST_LIMITS);
     this.watchStation();
     this.picture.onSide = (side) => {
       this.shown?.optic.setSide(side);
@@ -118,13 +124,14 @@ class Scope {
       () => document.removeEventListener("keydown", key),
       () => document.documentElement.classList.remove("scope-page"),
     ];
+    if (place) this.changed("session");
   }
 
   close(): void {
     for (const end of this.ends) end();
     cancelAnimationFrame(this.pending);
     this.station?.close();
-    this.source.close();
+    if (!this.place) this.source.close();
     this.picture.close();
     this.drop();
   }
@@ -233,7 +240,7 @@ class Scope {
       const tissue = this.source.tissue(group, Infinity);
       if (tissue) joint.setTissue(group, tissue);
     }
-    const remark = markerAt(this.source, Infinity);
+    const remark = this.place?.plain ? undefined : markerAt(this.source, Infinity);
     joint.setMarker(remark?.point && { body: remark.body, point: remark.point });
     joint.setLoose(this.source.session?.loose ?? []);
     const more = joint.paint(now);
@@ -316,6 +323,7 @@ class Scope {
 
   private key(event: KeyboardEvent): void {
     if (event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
+    if (this.place && (event.key === "Escape" || (this.place.plain && event.key === "t"))) return;
     const { optic, settings } = this;
     if (event.key === "f") this.picture.showTiming((this.timing = !this.timing));
     else if (event.key === "o") this.choose({ ...optic, tiltDeg: optic.tiltDeg === 30 ? 70 : 30 });

@@ -23,13 +23,13 @@ export class Picture {
   private frames: number[] = [];
   private toldAt = 0;
 
-  constructor(private readonly root: HTMLElement, name: string) {
+  constructor(private readonly root: HTMLElement, name: string, heading: "h1" | "h3" = "h1") {
     const sign = (kind: Sign): HTMLElement => h("p", { class: `scope-sign ${kind}`, role: kind === "stale" ? undefined : "status" }); // that ticks
     this.signs = { stale: sign("stale"), state: sign("state"), note: sign("note"), marker: sign("marker"), source: sign("source") };
     this.round = h("div", { class: "scope-round" }, this.canvas, h("i", { class: "scope-edge", "aria-hidden": "true" }), this.notch);
     root.append(this.round, this.state, h("div", { class: "scope-top" }, this.signs.stale, this.signs.state),
       h("div", { class: "scope-bottom" }, this.signs.marker, this.signs.note), h("div", { class: "scope-corner" }, this.signs.source, this.timing, this.keys), this.legend,
-      h("h1", { class: "unseen" }, name));
+      h(heading, { class: "unseen" }, name));
     this.size = new ResizeObserver(() => this.measure());
     this.size.observe(root);
     this.measure();

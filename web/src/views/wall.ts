@@ -7,8 +7,9 @@ import { isTechnical, technicalSwitch } from "../technical";
 import { text } from "../text";
 import type { IconName } from "../kit/icon";
 import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText } from "../ui";
+import { trainees } from "./attention";
 import { Card } from "./wall_card";
-import { arrange, byUrgency, certificateWarning, compareNames, grouped, isAbsent, isForTechnician, nameOf, serverQuiet, statusOf, URGENCY_NAMES, warningOf, type Alarm, type Status, type Warning } from "./wall_model";
+import { arrange, byUrgency, certificateWarning, compareNames, grouped, isAbsent, nameOf, serverQuiet, statusOf, URGENCY_NAMES, warningOf, type Alarm, type Status, type Warning } from "./wall_model";
 import { MiniScene } from "./wall_scene";
 
 const RATE_HZ = 10;
@@ -37,7 +38,7 @@ class Wall {
   constructor(private readonly root: HTMLElement, private readonly app: App) {
     app.title(text.views.wall);
     const technician = app.account?.role === "technician";
-    this.rail = attentionRail(technician);
+    this.rail = attentionRail(app, technician);
     setClass(root, "technical", isTechnical());
     root.append(h("section", { class: "wall-main" },
       h("div", { class: "wall-head" }, h("h1", {}, text.views.wall), this.summary, technicalSwitch(text.wall.technical, (on) => setClass(root, "technical", on))),
@@ -54,6 +55,7 @@ class Wall {
     for (const end of this.ends) end();
     cancelAnimationFrame(this.frame);
     this.picture.end();
+    this.rail.end();
     this.app.feed.unwatch();
   }
 
@@ -103,6 +105,7 @@ class Wall {
     setText(summary, lost !== undefined ? text.wall.lost(lost) : all.length ? text.wall.summary(count(stations)) : "");
     setClass(summary, "fault", lost !== undefined);
     const silent = lost !== undefined ? [serverQuiet(lost)] : [];
+    this.rail.trainees(stations);
     this.rail.show(byUrgency([...silent, ...this.certificate, ...all.flatMap((station) => warningOf(station, now, lost !== undefined) ?? [])]), all.length > 0);
     showState(this.state, all.length, stations.length, feed);
   }
@@ -180,14 +183,22 @@ function absentStations(): { element: HTMLElement; show(names: string[]): void }
 
 // ---- what needs somebody ----------------------------------------------------------------------------
 
-function attentionRail(technician: boolean): { element: HTMLElement; show(warnings: Warning[], known: boolean): void } {
+interface Rail {
+  element: HTMLElement;
+  trainees(stations: readonly StationState[]): void;
+  show(warnings: Warning[], known: boolean): void;
+  end(): void;
+}
+
+// Trainees first; the equipment is folded, but for what is urgent.
+function attentionRail(app: App, technician: boolean): Rail {
+  const people = h("div", { class: "attention-people" });
+  const rail = trainees(people, app);
   const list = h("ol", { class: "attention-list" });
-  const notices = h("ol", { class: "notices-list" });
   const folded = h("summary", {});
-  const equipment = h("details", { class: "equipment", hidden: true, open: technician }, folded, notices);
-  const total = h("span", { class: "badge number" });
+  const equipment = h("details", { class: "equipment", open: technician }, folded, list);
   const element = h("aside", { class: "attention", "aria-label": text.wall.attention },
-    h("h2", {}, text.wall.attention, total), h("div", { class: "attention-body" }, list, equipment),
+    h("h2", {}, text.wall.attention), h("div", { class: "attention-body" }, people, equipment),
     h("section", { class: "key" }, h("h3", {}, text.wall.key), h("ol", {}, ...text.wall.keys.map((one) => h("li", {}, one)))));
   let shown = "";
   let urgent = new Set<string>();
@@ -197,27 +208,26 @@ function attentionRail(technician: boolean): { element: HTMLElement; show(warnin
       .map(({ station, words }) => (station ? `${station}: ${words}` : `${text.wall.server}: ${text.wall.serverGone}`));
     const fresh = words.filter((one) => !urgent.has(one));
     urgent = new Set(words);
-    if (fresh.length) document.getElementById("announcements")!.textContent = fresh.join(". ");
+    if (!fresh.length) return;
+    equipment.open = true;
+    document.getElementById("announcements")!.textContent = fresh.join(". ");
   };
   return {
     element,
+    trainees: rail.show,
+    end: rail.end,
     show(warnings, known) {
       const key = JSON.stringify([warnings, known]);
       if (key === shown) return;
       shown = key;
       announce(warnings);
-      const all = grouped(warnings);
-      const alarms = all.filter((alarm) => !isForTechnician(alarm));
-      const others = all.filter(isForTechnician);
-      setText(total, String(alarms.length));
+      const alarms = grouped(warnings);
       const focused = document.activeElement as HTMLElement | null;
       const station = focused?.dataset.station;
       const words = element.contains(focused) ? focused!.closest("summary")?.parentElement!.dataset.words : undefined;
-      const unfolded = new Set([...element.querySelectorAll<HTMLElement>("details[open]")].map((one) => one.dataset.words));
+      const unfolded = new Set([...list.querySelectorAll<HTMLElement>("details[open]")].map((one) => one.dataset.words));
+      setText(folded, text.teach.attention.equipment(alarms.length));
       fill(list, ...alarms.map((alarm) => entry(alarm, unfolded.has(alarm.words))), known && alarms.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
-      equipment.hidden = others.length === 0;
-      setText(folded, text.wall.forTechnician(others.length));
-      fill(notices, ...others.map((alarm) => entry(alarm, unfolded.has(alarm.words))));
       if (station !== undefined) element.querySelector<HTMLElement>(`[data-station="${CSS.escape(station)}"]`)?.focus();
       if (words !== undefined) element.querySelector<HTMLElement>(`[data-words="${CSS.escape(words)}"] summary`)?.focus();
     },

@@ -1,0 +1,354 @@
+// #/train/STATION: the station runs itself. Who, today, briefing, do, feedback; then again, next or leave.
+import { useEffect, useMemo, useRef, useState } from "preact/hooks";
+import { SessionState } from "wire";
+import type { Account } from "../api";
+import type { App } from "../app";
+import { explain } from "../explain";
+import { nameInWords } from "../groups";
+import { LOST, SEEN, STATE, toolAt } from "../history";
+import { isOptic } from "../instruments";
+import { Await, Badge, Button, confirm, Empty, Icon, toast, toastFault, useLoaded, view, type ViewProps } from "../kit";
+import { routeTo, type Route } from "../router";
+import { FeedSource } from "../source";
+import { Clip } from "../teach/clip";
+import { attemptOf, beginCommand, helpCommand, leaveCommand, takeCommand } from "../teach/live_attempt";
+import { clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Step, type Task, type Today } from "../teach/model";
+import { Bar, useTick } from "../teach/parts";
+import { format, text } from "../text";
+import { Scope } from "./scope";
+
+const RATE_HZ = 60;
+const KEPT = { recent: 72 * 512, older: 0 }; // ten minutes, for the clips of errors
+const CODE_LENGTH = 8;
+const KEYS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"; // of codes
+
+export const train = view(Train);
+
+interface Chosen {
+  task: Task;
+  hand: Hand;
+}
+
+function Train({ route, app }: ViewProps) {
+  const station = route.args[0] ?? "";
+  const words = text.teach.train;
+  useEffect(() => app.title(words.title(station)), [station]);
+  const account = app.account?.role === "trainee" ? app.account : undefined;
+  return (
+    <div class="train">
+      <h1 class="unseen">{words.title(station)}</h1>
+      {account ? <Trainee station={station} route={route} app={app} account={account} /> : <Who app={app} />}
+    </div>
+  );
+}
+
+// ---- who -------------------------------------------------------------------------------------------------
+
+function Who({ app }: { app: App }) {
+  const words = text.teach.train;
+  const [code, setCode] = useState("");
+  const [fault, setFault] = useState("");
+  const input = useRef<HTMLInputElement>(null);
+  useEffect(() => input.current?.focus(), []);
+  const type = (value: string): void => {
+    setFault("");
+    setCode(value.toUpperCase().replace(/[^A-Z0-9]/g, "").slice(0, CODE_LENGTH));
+  };
+  const enter = async (event: Event): Promise<void> => {
+    event.preventDefault();
+    if (code.length !== CODE_LENGTH) {
+      setFault(text.signIn.needCode);
+      return;
+    }
+    try {
+      app.signedIn((await app.api.post<{ account: Account }>("/sign-in", { code })).account);
+    } catch (error) {
+      setFault(explain(error));
+    }
+  };
+  return (
+    <form class="train-card who" noValidate onSubmit={(event) => void enter(event)}>
+      <h2>{words.who}</h2>
+      <label class="who-code"><span>{words.code}</span>
+        <input ref={input} class="code" value={code} autocomplete="one-time-code" spellcheck={false} aria-describedby="who-hint" onInput={(event) => type(event.currentTarget.value)} /></label>
+      <p id="who-hint" class={fault ? "fault" : "quiet-text"} role="status">{fault || words.whoHint}</p>
+      <div class="who-keys">
+        {[...KEYS].map((key) => <button type="button" class="button" key={key} onClick={() => type(code + key)}>{key}</button>)}
+        <button type="button" class="button erase" onClick={() => type(code.slice(0, -1))}>{words.erase}</button>
+        <button type="submit" class="button primary enter">{words.enter}</button>
+      </div>
+    </form>
+  );
+}
+
+// ---- the trainee ------------------------------------------------------------------------------------------
+
+interface LiveState {
+  source: FeedSource;
+  steps: StepTimes;
+  attempt: Attempt | undefined;
+}
+
+/** The station's session with its last attempt, as it changes. */
+function useLive(app: App, station: string): LiveState | undefined {
+  const [state, setState] = useState<LiveState>();
+  useEffect(() => {
+    const steps = new StepTimes();
+    const source = FeedSource.live(app.feed, station, RATE_HZ, KEPT);
+    let session = "";
+    setState({ source, steps, attempt: undefined });
+    const ends = [
+      source.onChange((change) => {
+        if (change === "moment") return;
+        const now = source.session?.id.join() ?? "";
+        if (change === "session" && now !== session) {
+          session = now;
+          steps.clear();
+          setState({ source, steps, attempt: undefined });
+        } else setState((before) => before && { ...before });
+      }),
+      app.feed.on("moment", ({ step, timeNs, stationNumber }) => stationNumber === source.session?.stationNumber && steps.add(Number(step), Number(timeNs) * 1e-9)),
+      app.feed.on("attempt", (told) => {
+        if (told.stationNumber === source.session?.stationNumber) setState({ source, steps, attempt: attemptOf(told, source.history.instruments) });
+      }),
+    ];
+    return () => {
+      for (const end of ends) end();
+      source.close();
+    };
+  }, [station]);
+  return state;
+}
+
+function Trainee({ station, route, app, account }: { station: string; route: Route; app: App; account: Account }) {
+  const live = useLive(app, station);
+  const [chosen, setChosen] = useState<Chosen>();
+  const [closed, setClosed] = useState(0); // the number of the attempt whose feedback was read
+  const attempt = live?.attempt;
+  const leave = (): void => void app.signOut().catch(toastFault);
+  const choose = async (task: string, hand: Hand): Promise<void> => {
+    try {
+      const { task: found } = await app.api.get<{ task: Task }>(`/tasks/${encodeURIComponent(task)}`);
+      if (attempt?.end) setClosed(attempt.number);
+      setChosen({ task: found, hand });
+    } catch (error) {
+      toastFault(error);
+    }
+  };
+  if (live && attempt && attempt.end === "") return <Do app={app} route={route} station={station} live={live} attempt={attempt} />;
+  if (live && attempt && attempt.number !== closed)
+    return <Feedback app={app} live={live} attempt={attempt} leave={leave} again={() => void choose(attempt.task, attempt.hand)} next={() => {
+      setClosed(attempt.number);
+      setChosen(undefined);
+    }} />;
+  if (chosen) return <Briefing app={app} station={station} live={live} chosen={chosen} back={() => setChosen(undefined)} />;
+  return <TodayCard app={app} account={account} choose={choose} leave={leave} />;
+}
+
+// ---- today -----------------------------------------------------------------------------------------------
+
+const handOf = (hand: Hand | "either"): Hand => (hand === "left" ? "left" : "right");
+
+function TodayCard({ app, account, choose, leave }: { app: App; account: Account; choose: (task: string, hand: Hand) => Promise<void>; leave: () => void }) {
+  const words = text.teach.train;
+  const loaded = useLoaded(async () => {
+    const [today, { tasks }] = await Promise.all([app.api.get<Today>("/trainees/me/today"), app.api.get<{ tasks: Task[] }>("/tasks")]);
+    return { today, tasks };
+  }, []);
+  return (
+    <section class="train-card today">
+      <h2>{words.hello(account.trainee ?? account.name)}</h2>
+      <Await of={loaded}>{({ today, tasks }) => {
+        const course = today.courses.find(({ next }) => next) ?? today.courses[0];
+        const next = course?.next ?? undefined;
+        return <>
+          {course?.behind && <Badge kind="act" icon="act">{words.behind}</Badge>}
+          {today.exams.map((exam) => <Badge key={exam.id} kind="look" icon="look">{words.exam(exam.title)}</Badge>)}
+          {next ? <NextCard step={next} task={tasks.find(({ name }) => name === next.task)} begin={() => void choose(next.task, handOf(next.hand))} />
+            : <Empty title={course ? words.nothing : words.noCourse} hint={course ? words.nothingHint : words.noCourseHint} />}
+          <Others tasks={tasks} open={!next} choose={choose} />
+        </>;
+      }}</Await>
+      <div class="train-actions"><Button onClick={leave}>{words.leave}</Button></div>
+    </section>
+  );
+}
+
+function NextCard({ step, task, begin }: { step: Step; task: Task | undefined; begin: () => void }) {
+  const words = text.teach.train;
+  const facts = [words.passes(step.passes_done, step.passes), task && words.minutes(task.mark.time_s), text.teach.hands[step.hand]];
+  return (
+    <div class="next-card">
+      <p class="next-title">{words.next(step.title ?? nameInWords(step.task))}</p>
+      <p class="next-facts">{facts.filter(Boolean).join(" · ")}</p>
+      <Button kind="primary" class="huge" onClick={begin}>{words.begin}</Button>
+    </div>
+  );
+}
+
+function Others({ tasks, open, choose }: { tasks: Task[]; open: boolean; choose: (task: string, hand: Hand) => Promise<void> }) {
+  if (!tasks.length) return null;
+  return (
+    <details class="others" open={open}><summary>{text.teach.train.others}</summary>
+      <ul>{tasks.map(({ name, title }) => <li key={name}><button type="button" class="button" onClick={() => void choose(name, "right")}>{title}</button></li>)}</ul>
+    </details>
+  );
+}
+
+// ---- briefing --------------------------------------------------------------------------------------------
+
+const USUAL_TOOLS = ["scope", "probe"];
+
+/** Whether the instrument of that name is seen now. */
+function isSeen({ source }: LiveState, name: string): boolean {
+  const place = source.history.instruments.findIndex((one) => one.name === name || (name === "scope" && isOptic(one)));
+  if (place < 0 || !source.history.count) return false;
+  const seen = source.history.value(source.history.count - 1, toolAt(place) + SEEN);
+  return seen >= 1 && seen - 1 !== LOST;
+}
+
+function Briefing({ app, station, live, chosen, back }: { app: App; station: string; live: LiveState | undefined; chosen: Chosen; back: () => void }) {
+  const words = text.teach.train;
+  const { task, hand } = chosen;
+  const [fault, setFault] = useState("");
+  const [busy, setBusy] = useState(false);
+  useTick(250);
+  const tools = (task.tools?.length ? task.tools : USUAL_TOOLS).map((name) => ({ name, seen: live !== undefined && isSeen(live, name) }));
+  const ready = tools.every(({ seen }) => seen);
+  useEffect(() => {
+    void app.feed.command(takeCommand(station)).then((reply) => setFault(reply.ok ? "" : `${reply.text}. ${words.takenHint}`), (error: unknown) => setFault(explain(error)));
+  }, [station]);
+  const start = async (): Promise<void> => {
+    setBusy(true);
+    setFault("");
+    try {
+      const reply = await app.feed.command(beginCommand(station, task.name, "practice", hand));
+      if (!reply.ok) setFault(words.refused(reply.text));
+    } catch (error) {
+      setFault(explain(error));
+    }
+    setBusy(false);
+  };
+  return (
+    <section class="train-card briefing">
+      <h2>{task.title}</h2>
+      <p class="briefing-words">{task.briefing}</p>
+      <div class="briefing-parts">
+        <div><h3>{words.goals}</h3><ol class="goals">{task.goals.map((name) => <li key={name}>{nameInWords(name)}</li>)}</ol></div>
+        <div><h3>{words.tools}</h3>
+          <ul class="tools">{tools.map(({ name, seen }) => <li key={name} class={seen ? "seen" : ""}><Icon name={seen ? "quiet" : "waiting"} /><span>{words.show(nameInWords(name).toLowerCase())}</span><span class="quiet-text">{seen ? words.ready : words.notSeen}</span></li>)}</ul>
+          <p class="quiet-text">{sentenceOf(text.teach.hands[hand]!)}</p>
+          <p class="quiet-text">{text.teach.mark(format.clock(task.mark.time_s), task.mark.errors)}</p></div>
+      </div>
+      <p class="fault" role="alert">{fault || (live ? trouble(live) : "")}</p>
+      <div class="train-actions">
+        <Button onClick={back}>{words.back}</Button>
+        <Button kind={ready ? "primary" : "plain"} class="huge" disabled={busy || !live?.source.session} onClick={() => void start()}>{ready ? words.start : words.startAnyway}</Button>
+      </div>
+    </section>
+  );
+}
+
+const sentenceOf = (words: string): string => `${words.charAt(0).toUpperCase()}${words.slice(1)}.`;
+
+function trouble({ source }: LiveState): string {
+  const words = text.teach.train;
+  return source.session || !source.trouble ? "" : `${words.noStation}. ${words.noStationHint}`;
+}
+
+// ---- do --------------------------------------------------------------------------------------------------
+
+function Do({ app, route, station, live, attempt }: { app: App; route: Route; station: string; live: LiveState; attempt: Attempt }) {
+  const words = text.teach.train;
+  const place = useRef<HTMLDivElement>(null);
+  const [asked, setAsked] = useState(false);
+  const told = useRef({ number: 0, time: 0, at: 0 });
+  const now = useTick(200);
+  const exam = attempt.purpose === "exam";
+  useEffect(() => {
+    const scope = new Scope(place.current!, { ...route, args: [station] }, app, { source: live.source, plain: exam });
+    return () => scope.close();
+  }, [live.source, attempt.number]);
+  if (told.current.number !== attempt.number || told.current.time !== attempt.time_s) told.current = { number: attempt.number, time: attempt.time_s, at: now };
+  const { history } = live.source;
+  const runs = history.count > 0 && history.value(history.count - 1, STATE) === SessionState.RUNNING;
+  const time = Math.min(attempt.limit_s, attempt.time_s + (runs ? (now - told.current.at) / 1000 : 0));
+  const met = goalsMet(attempt);
+  const next = attempt.goals.find(({ met_s }) => met_s === null);
+  const send = (command: Parameters<App["feed"]["command"]>[0]): Promise<void> => app.feed.command(command).then((reply) => {
+    if (!reply.ok) toast(reply.text, "fault");
+  }, toastFault);
+  const help = (): void => void send(helpCommand(station)).then(() => setAsked(true));
+  const end = (): void => confirm(words.endTitle, words.endHint, words.end, () => send(leaveCommand(station)));
+  return (
+    <div class="do">
+      <div class="view scope do-scope" ref={place} />
+      <aside class="do-edge" aria-label={attempt.title}>
+        <p class="do-title">{attempt.title}</p>
+        {!exam && attempt.goals.length > 0 && <div class="do-step" role="status"><p>{next ? words.step(met + 1, attempt.goals.length) : words.allMet}</p><p class="do-goal">{next ? nameInWords(next.name) : ""}</p></div>}
+        <p class="do-clock number" role="timer" aria-label={words.clock}>{format.clock(time)} <span>{words.limit(format.clock(attempt.limit_s))}</span></p>
+        {!exam && <p class="do-errors number">{words.errors(errorsOf(attempt))}</p>}
+        <span class="do-space" />
+        {!exam && <Button class="huge" disabled={asked} onClick={help}>{asked ? words.helpAsked : words.help}</Button>}
+        <Button onClick={end}>{words.end}</Button>
+      </aside>
+    </div>
+  );
+}
+
+// ---- feedback --------------------------------------------------------------------------------------------
+
+function Feedback({ app, live, attempt, leave, again, next }: { app: App; live: LiveState; attempt: Attempt; leave: () => void; again: () => void; next: () => void }) {
+  const words = text.teach.train;
+  const [clip, setClip] = useState<number>();
+  const mine = useLoaded(() => app.api.get<{ attempts: AttemptRow[] }>("/attempts", { task: attempt.task, limit: 100 }), [attempt.task, attempt.number]);
+  const heading = useRef<HTMLHeadingElement>(null);
+  useEffect(() => heading.current?.focus(), [attempt.number]);
+  const bad = useMemo(() => worst(attempt), [attempt]);
+  const withheld = attempt.purpose === "exam" || attempt.verdict === "open";
+  if (withheld)
+    return (
+      <section class="train-card feedback">
+        <h2 ref={heading} tabIndex={-1}>{attempt.purpose === "exam" ? words.withheld : words.judging}</h2>
+        {attempt.purpose === "exam" && <p>{words.withheldHint}</p>}
+        <div class="train-actions"><Button onClick={leave}>{words.leave}</Button><Button kind="primary" class="huge" onClick={next}>{words.nextTask}</Button></div>
+      </section>
+    );
+  const passed = attempt.verdict === "passed";
+  const met = goalsMet(attempt);
+  const before = (mine.value?.attempts ?? []).filter((row) => row.goals_met === row.goals && !(row.number === attempt.number && row.session === idOf(live)));
+  const best = (of: (row: AttemptRow) => number | null): number | undefined => {
+    const all = before.map(of).filter((value): value is number => value !== null);
+    return all.length ? Math.min(...all) : undefined;
+  };
+  const { history } = live.source;
+  const shown = clip === undefined ? undefined : bad[clip];
+  const range = shown && clipAround(live.steps.at(shown.step), history.start, history.end);
+  const name = (error: string): string => nameInWords(error);
+  return (
+    <section class={`train-card feedback ${passed ? "passed" : "not-yet"}`} data-verdict={attempt.verdict}>
+      <h2 ref={heading} tabIndex={-1}><Icon name={passed ? "quiet" : "waiting"} />{passed ? text.teach.verdicts.passed : words.notYet(met, attempt.goals.length)}</h2>
+      <p class="quiet-text">{attempt.title} · {text.teach.ends[attempt.end]}</p>
+      <div class="feedback-parts">
+        <div class="feedback-bars">
+          <Bar label={words.time} value={attempt.time_s} pass={attempt.pass.time_s} best={best(({ time_s }) => time_s)} words={text.teach.units.seconds} />
+          <Bar label={words.errorBar} value={errorsOf(attempt)} pass={attempt.pass.errors} best={best(({ errors }) => errors)} words={text.teach.times} />
+          {met < attempt.goals.length && <div><h3>{words.missed}</h3><ul class="goals">{attempt.goals.filter(({ met_s }) => met_s === null).map((goal) => <li key={goal.name}>{name(goal.name)}</li>)}</ul></div>}
+        </div>
+        <div class="feedback-errors"><h3>{words.worst}</h3>
+          {bad.length === 0 ? <p>{words.noErrors}</p> : <ul>{bad.map((one, at) => (
+            <li key={one.step}><button type="button" class="button wide" aria-pressed={clip === at} onClick={() => setClip(clip === at ? undefined : at)}><Icon name="running" />{words.clip(name(one.error), format.clock(one.time_s))}</button></li>))}</ul>}
+          {shown && range && <Clip source={live.source} from={range.from} to={range.to} label={words.clipOf(name(shown.error))} />}
+        </div>
+      </div>
+      <div class="train-actions">
+        <Button onClick={leave}>{words.leave}</Button>
+        <a class="button" href={routeTo("session", [idOf(live)], { attempt: String(attempt.number) })}>{text.station.debrief}</a>
+        <Button class="huge" onClick={again}>{words.again}</Button>
+        <Button kind="primary" class="huge" onClick={next}>{words.nextTask}</Button>
+      </div>
+    </section>
+  );
+}
+
+const idOf = ({ source }: LiveState): string => [...(source.session?.id ?? [])].map((byte) => byte.toString(16).padStart(2, "0")).join("");

@@ -119,15 +119,44 @@ static void *find_warp(void *user, const char *name, struct error *err) {
     return &((struct server_config *)user)->sessions.settings;
 }
 
+// A shorter name than that of a usual instrument is a mistyped one.
+static bool is_mistyped(const char *name, struct error *err) {
+    const char *usual[INSTRUMENTS_USUAL + 1] = {NULL};
+    for (int i = 0; i < INSTRUMENTS_USUAL; i++)
+        usual[i] = channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i));
+    const char *nearest = nearest_name(name, usual);
+    bool mistyped = nearest && strlen(name) <= strlen(nearest);
+    if (mistyped)
+        fail(err, RESULT_INVALID, "there is no such instrument; did you mean %s?", nearest);
+    return mistyped;
+}
+
+// Which stations describe it is known when they come.
+static void *find_described(struct sessions_config *c, const char *name, struct error *err) {
+    struct session_instrument *one = c->instruments;
+    while (one < c->instruments + c->instrument_count && strcmp(one->name, name) != 0)
+        one++;
+    if (one < c->instruments + c->instrument_count)
+        return &one->body;
+    if (is_mistyped(name, err))
+        return NULL;
+    if (c->instrument_count == SESSIONS_INSTRUMENTS_MAX ||
+        !setting_text(name, one->name, sizeof one->name)) {
+        fail(err, RESULT_LIMIT, "the config names at most %d instruments, of %d bytes each",
+             SESSIONS_INSTRUMENTS_MAX, INSTRUMENT_NAME_MAX - 1);
+        return NULL;
+    }
+    one->body = c->settings.bodies[INSTRUMENTS_USUAL];
+    c->instrument_count++;
+    return &one->body;
+}
+
 static void *find_instrument(void *user, const char *name, struct error *err) {
+    struct sessions_config *c = &((struct server_config *)user)->sessions;
     enum channel channel;
     if (channel_from_name(name, &channel) && channel >= CHANNEL_FIRST_INSTRUMENT)
-        return &((struct server_config *)user)
-                    ->sessions.settings.bodies[channel - CHANNEL_FIRST_INSTRUMENT];
-    fail(err, RESULT_INVALID,
-         "there is no such instrument; the instruments are probe, punch, shaver, knife, scope, "
-         "and of those that a station describes instrument_6, instrument_7, instrument_8");
-    return NULL;
+        return &c->settings.bodies[channel - CHANNEL_FIRST_INSTRUMENT];
+    return find_described(c, name, err);
 }
 
 static bool take_name(const char *name, char out[STATION_NAME_MAX], struct error *err) {

@@ -9,6 +9,7 @@
 
 #define SESSIONS_CASES_MAX 64
 #define SESSIONS_PATH_MAX 256
+#define SESSIONS_INSTRUMENTS_MAX 32 // that the config names
 
 struct session_case {
     char name[STATION_NAME_MAX];
@@ -23,6 +24,12 @@ struct session_station {
     bool start_by_command;   // else a session runs as soon as its station connects
     // Buttons of each instrument's handle that are down while its tip touches; 0: none.
     uint32_t contact_buttons[INSTRUMENT_COUNT];
+};
+
+// Of an instrument that stations describe: the points beside its tip.
+struct session_instrument {
+    char name[INSTRUMENT_NAME_MAX];
+    struct instrument_body body;
 };
 
 struct sessions_config {
@@ -48,6 +55,8 @@ struct sessions_config {
     void (*attempt_written)(void *user, struct store *store, const struct attempt_row *attempt);
     void *attempt_user;
     struct session_settings settings;
+    int instrument_count; // whose bodies are not by their places in `settings`
+    struct session_instrument instruments[SESSIONS_INSTRUMENTS_MAX];
     int case_count;
     struct session_case cases[SESSIONS_CASES_MAX];
     int station_count;

@@ -106,6 +106,14 @@ void opening_attach(struct sessions *s, int station, struct open_session *sessio
     opening_hand_over(s, station, &about, runtime, NULL, NULL);
 }
 
+// Where the config has the body of an instrument by its name, it wins over that by the place.
+static void take_bodies(const struct sessions_config *c, struct session_settings *settings) {
+    for (int i = INSTRUMENTS_USUAL; i < settings->instruments.count; i++)
+        for (int k = 0; k < c->instrument_count; k++)
+            if (!strcmp(c->instruments[k].name, settings->instruments.of[i].name))
+                settings->bodies[i] = c->instruments[k].body;
+}
+
 static enum result open_session(struct sessions *s, int station, struct error *err) {
     struct station_status status;
     struct trace_header header;
@@ -115,6 +123,7 @@ static enum result open_session(struct sessions *s, int station, struct error *e
     opening_header(s, station, status.session_id, status.scene, status.strength, status.trainee,
                    &header);
     header.settings.instruments = status.instruments;
+    take_bodies(&s->config, &header.settings);
     enum result result = resources_allow_session(err);
     if (result == RESULT_OK)
         result = opening_trace_path(s, &header, path, err);

@@ -13,6 +13,8 @@ from arthron import call, call_json, free_port, wait_until
 from bites import BITES, Bites
 from page import RECORDED, STATION, Browser
 
+BENT = (0, 3, 0, 2.5)  # a point beside the tip of probe-2, and its radius
+
 RECIPE = """
 [knee]
 title = A knee with a medial plica
@@ -79,7 +81,7 @@ class Tissues(Bites):
     def server_config(self, stations="", extra=""):
         self.web_port = free_port()
         web = (f"records = records.db\n[web]\nport = {self.web_port}\n[case plica]\ndir = {self.case}\n"
-               "[instrument instrument_6]\npoint.1 = 0 3 0 2.5\n")  # the first that the station describes is bent
+               f"[instrument probe-2]\npoint.1 = {' '.join(map(str, BENT))}\n")
         return super().server_config("[station room-1]\ncase = plica", extra + web)
 
     def station_config(self, name="room-1", datagrams="yes", keys=None):
@@ -116,6 +118,8 @@ tool.curette = punch""")
         station.end()
         self.assertGreater(self.resection("plica")["removed_mm3"], 0)
         self.assertIn(("removed", "plica", 1), metrics)
+        with open(session["trace"], "rb") as f:
+            self.assertIn(struct.pack("<4d", *BENT), f.read(1 << 16))  # the body of probe-2
         self.assertFalse([key for key in metrics if key[0] in ("rim", "zone_removed") and key[1].startswith("plica")])
         self.assertGreater(metrics["present", "grasper", 1][0], 0)
         page.close()

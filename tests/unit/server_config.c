@@ -102,7 +102,7 @@ static void what_cannot_be_is_named(void **state) {
         {SERVER "[warp]\navatar = tips\n", "must be tip, rigid or points"},
         {SERVER "[warp]\nadaptive = hing\n", "must be hinge, paper or paper-narrow"},
         {SERVER "[warp]\nhold_ms = -1\n", "must be a whole number from 0 to 10000"},
-        {SERVER "[instrument prob]\npoint.1 = 0 0 0 1\n", "the instruments are probe, punch"},
+        {SERVER "[instrument prob]\npoint.1 = 0 0 0 1\n", "did you mean probe?"},
         {SERVER "[instrument probe]\npoint.2 = 0 0 0 1\n", "numbered from 1 to 15"},
         {SERVER "[case knee]\ndirr = k\n", "[case knee] has no key \"dirr\"; did you mean dir?"},
         {SERVER "[case knee]\n[station a]\nstart = auto\n", "[station a] needs the key \"case\""},
@@ -125,6 +125,8 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
                                  "avatar = rigid\nadaptive = paper\nease_share = 0.3\n"
                                  "[instrument probe]\npoint.1 = 0 3 0 0.5\npoint.2 = 0 3 -7 1\n"
                                  "[instrument instrument_7]\npoint.1 = 1 0 -7 2\n"
+                                 "[instrument probe-2]\npoint.1 = 0 3 0 0.5\npoint.2 = 0 3 -7 1\n"
+                                 "[instrument curette]\npoint.1 = 0 4 0 1\n"
                                  "[case knee]\ndir = k\n"
                                  "[station a]\ncase = knee\nstart = command\ntrainee = ada\n"
                                  "optic_deg = 70\ncontact.punch = 4\ncontact.instrument_8 = 5\n"),
@@ -144,6 +146,11 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
     assert_float_equal(c->settings.bodies[0].points[2].radius_mm, 1, 0);
     assert_int_equal(c->settings.bodies[6].point_count, 2);
     assert_float_equal(c->settings.bodies[6].points[1].radius_mm, 2, 0);
+    assert_int_equal(c->instrument_count, 2);
+    assert_string_equal(c->instruments[0].name, "probe-2");
+    assert_int_equal(c->instruments[0].body.point_count, 3);
+    assert_string_equal(c->instruments[1].name, "curette");
+    assert_float_equal(c->instruments[1].body.points[1].at.y, 4, 0);
     expect_path(c->cases[0].dir, "k");
     const struct session_station *station = &c->stations[0];
     assert_string_equal(station->case_name, "knee");

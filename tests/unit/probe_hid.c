@@ -117,11 +117,45 @@ static void a_device_of_two_collections_gets_one_section(void **state) {
     station_config_destroy(&config);
 }
 
+// Two interfaces: one handle. The second one is there to be chosen, and the other handle is not it.
+static void a_handle_of_two_interfaces_is_one(void **state) {
+    (void)state;
+    const struct hid_plugged handles[] = {
+        plug("/dev/hidraw0", "7", "usb-1/input0"), plug("/dev/hidraw1", "7", "usb-1/input1"),
+        plug("/dev/hidraw2", "8", "usb-2/input0"), plug("/dev/hidraw3", "8", "usb-2/input1")};
+    struct station_config *config = proposed(handles, 4);
+    assert_int_equal(config->device_count, 2);
+    for (int d = 0; d < 2; d++) {
+        struct hid_identity found = identity_of(&config->devices[d]);
+        assert_string_equal(found.serial, d ? "8" : "7");
+        assert_string_equal(found.port, d ? "usb-2/input0" : "usb-1/input0");
+    }
+    station_config_destroy(&config);
+}
+
+static void nobody_has_to_unplug_a_handle_of_two_interfaces(void **state) {
+    (void)state;
+    const struct hid_plugged handle[] = {plug("/dev/hidraw0", "7", "usb-1/input0"),
+                                         plug("/dev/hidraw1", "7", "usb-1/input1")};
+    char *text = NULL;
+    size_t size;
+    json_t *list = json_array();
+    FILE *file = open_memstream(&text, &size);
+    probe_hid_plugged(handle, 2, read_descriptor, file, list);
+    fclose(file);
+    assert_null(strstr(text, "unplug one"));
+    assert_non_null(strstr(text, "; port = usb-1/input1\n"));
+    free(text);
+    json_decref(list);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(two_handles_that_are_alike_get_two_sections),
         cmocka_unit_test(a_handle_that_is_alone_may_be_plugged_in_anywhere),
         cmocka_unit_test(a_device_of_two_collections_gets_one_section),
+        cmocka_unit_test(a_handle_of_two_interfaces_is_one),
+        cmocka_unit_test(nobody_has_to_unplug_a_handle_of_two_interfaces),
     };
     return cmocka_run_group_tests_name("probe_hid", tests, NULL, NULL);
 }

@@ -243,6 +243,7 @@ class Technician(SystemTest):
         self.assertTrue(report["ready"])
         self.assertLessEqual({"encoders", "tracker", "calibration", "certificate", "server", "clock", "round trip"},
                              set(self.findings(report)))
+        self.assertIn("none is set", self.findings(report)["tracker's delay"]["text"])
         self.assertFalse(os.listdir(self.traces))
         self.assertFalse(self.session()["connected"])
         page = call("arthron-station", "check", "--config", self.calibrated(), "--seconds", "2").stdout

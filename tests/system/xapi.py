@@ -17,6 +17,18 @@ from arthron import SystemTest, call, free_port, text_of, wait_until
 
 PASSWORD = "correct horse"
 
+TASK = """
+[task]
+title = A look
+briefing = Look at the notch.
+limit_s = 60
+[pass]
+time_s = 50
+source = for a test
+[goal notch]
+see = notch
+"""
+
 
 class Store(http.server.ThreadingHTTPServer):
     """A learning record store as xAPI 1.0.3 describes POST statements: all of a batch or nothing; 409 where it has
@@ -282,6 +294,32 @@ class Xapi(SystemTest):
         last = self.start_sender()
         self.wait_for(store.statements, 60)
         self.end(last)
+
+    def test_attempts_in_a_session_are_statements_as_they_end_and_exams_are_not(self):
+        os.mkdir(self.path("tasks"))
+        self.write("tasks/look.ini", TASK)
+        store = self.open_store("fail", "die_when_taken")
+        self.start_mockup()
+        server = self.start_server("[station room-1]\ncase = healthy\ntrainee = ada\n",
+                                   "tasks = tasks\n" + self.server_with(site="https://hall.example/arthron"))
+        self.enrol("room-1")
+        self.start_station()
+        wait_until("a session", lambda: self.sessions() and self.session()["steps"] > 20)
+        session = self.session()["id"]
+        for more in ((), ("--exam",), ("--left",)):
+            self.session_command("begin", "room-1", "look", *more)
+            self.session_command("leave", "room-1")
+        wait_until("both statements", lambda: len(store.statements) == 2)
+        server.end()
+        self.assertEqual([], store.wrong)
+        namespace = uuid.UUID(session[:12] + "4" + session[13:16] + "89ab"[int(session[16], 16) & 3] + session[17:])
+        self.assertEqual([str(uuid.uuid5(namespace, f"attempt {n}")) for n in (1, 3)], list(store.statements))
+        for statement in store.statements.values():
+            self.assertEqual({"homePage": "https://hall.example/arthron", "name": "trainee-1"},
+                             statement["actor"]["account"])
+            self.assertEqual("http://adlnet.gov/expapi/verbs/failed", statement["verb"]["id"])
+            self.assertEqual((False, False), (statement["result"]["success"], statement["result"]["completion"]))
+            self.assertEqual("https://hall.example/arthron/tasks/look", statement["object"]["id"])
 
     def test_a_server_says_what_is_wrong_with_its_store(self):
         for keys, why in (({"password": self.path("none")}, "none: the password of the learning record store"),

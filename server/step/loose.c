@@ -302,10 +302,22 @@ static vec3 pushed_by_all(const struct stepping *s, int i, pose T,
 
 // ---- lying --------------------------------------------------------------------------------------
 
-static bool is_at_rest(const struct loose_contact *under, pose T) {
+// Between two surfaces it cannot turn its side to both.
+static bool is_wedged(const struct stepping *s, int i, pose T) {
+    const struct loose_ground *ground = s->loose->ground;
+    int touched = 0;
+    for (int k = 0; k < ground->count; k++)
+        if (!(s->cut >> ground->surfaces[k].group & 1))
+            touched += loose_contact_with(ground, k, s->out->T_mockup_virtual, radii_of(s, i), T,
+                                          &s->loose->bodies[i].hints)
+                           .gap <= REST_MM;
+    return touched > 1;
+}
+
+static bool is_at_rest(const struct stepping *s, int i, const struct loose_contact *under, pose T) {
     vec3 axis = quat_rotate(T.rotation, (vec3){0, 0, 1});
     return under->gap >= -TOLERANCE_MM && under->gap <= REST_MM &&
-           fabs(vec3_dot(axis, under->normal)) >= REST_COSINE;
+           (fabs(vec3_dot(axis, under->normal)) >= REST_COSINE || is_wedged(s, i, T));
 }
 
 static quat part_of_the_turn(quat from, quat to, double share) {
@@ -328,7 +340,7 @@ static void lie(struct stepping *s, int i) {
     if (under.surface < 0)
         return;
     vec3 push = pushed_by_all(s, i, T, &under);
-    if (vec3_length(push) == 0 && is_at_rest(&under, T))
+    if (vec3_length(push) == 0 && is_at_rest(s, i, &under, T))
         return;
     T.translation = vec3_add(T.translation, push);
     under = nearest_to(s, i, T);

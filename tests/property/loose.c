@@ -10,7 +10,8 @@
 #include <math.h>
 #include <string.h>
 
-#define BODIES 3
+#define BODIES 3  // at places that hands reach
+#define PINCHED 3 // and one where femur and tibia come together
 #define GRASPER 5 // of the session's instruments
 #define PROBE 0
 #define DEEP_MM 0.3 // of an ellipsoid in bone, where the step takes the bone's nearest plane
@@ -43,6 +44,8 @@ static int make_scene(void **state) {
     assert_ok(pathology_check(&step, &err));
     if (pathology_apply(knee, &step, 0, &err) != RESULT_OK)
         fail_msg("%s", err.text);
+    knee->loose[knee->loose_count++] = (struct case_loose){
+        .name = "pinched", .body = BODY_TIBIA, .at = {-21, 13, -22}, .radii_mm = {3, 3, 2}};
     static const char *const names[SOLIDS] = {"femur", "tibia", "patella", "meniscus_medial",
                                               "meniscus_lateral"};
     for (int i = 0; i < SOLIDS; i++) {
@@ -144,7 +147,7 @@ static double least_gap(const struct run *r, int i, int count) {
 }
 
 static void none_is_in_bone(const struct run *r) {
-    for (int i = 0; i < BODIES; i++)
+    for (int i = 0; i <= PINCHED; i++)
         if (r->out.loose[i].state == LOOSE_LYING)
             assert_true(least_gap(r, i, BODY_COUNT) > -DEEP_MM);
 }

@@ -89,6 +89,15 @@ bool attempt_is_blind(struct api_call *call, const char *session) {
     return !call_check(call, result, &err) || blind;
 }
 
+bool attempt_is_withheld(struct api_call *call, const char *session) {
+    struct error err = {""};
+    bool withheld = false;
+    if (!is_trainee(call))
+        return false;
+    enum result result = store_is_withheld(call->store, session, &withheld, &err);
+    return !call_check(call, result, &err) || withheld;
+}
+
 // Who rates an exam does not learn whose it is. False after a refusal.
 static bool hide_names(struct api_call *call, json_t *attempts) {
     size_t i;

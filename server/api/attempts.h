@@ -10,3 +10,7 @@ json_t *attempt_of_path(struct api_call *call, int64_t *out_number);
 // Whether the principal must not learn whose session it is, as it rates an attempt of it. A refusal
 // counts as such.
 bool attempt_is_blind(struct api_call *call, const char *session);
+
+// Whether the principal is the trainee of a session with an exam that was not released. A refusal
+// counts as such.
+bool attempt_is_withheld(struct api_call *call, const char *session);

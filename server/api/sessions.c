@@ -154,6 +154,8 @@ void get_session(struct api_call *call) {
     json_t *results = json_array();
     enum result result =
         store_rows(call->store, LIST_RESULTS, call->args[0], take_result, results, &err);
+    if (attempt_is_withheld(call, call->args[0]))
+        json_array_clear(results);
     json_t *all = json_pack("{s:o, s:o}", "session", row, "results", results);
     if (call_check(call, result, &err) && hide_name(call, row))
         call_answer(call, 200, all);
@@ -173,17 +175,26 @@ void delete_session(struct api_call *call) {
 
 // ---- its trace ----------------------------------------------------------------------------------
 
+// Whether an exam that was not released keeps the trace from the principal, who has been refused.
+static bool is_sealed(struct api_call *call) {
+    bool blind = attempt_is_blind(call, call->args[0]);
+    if (!blind && !attempt_is_withheld(call, call->args[0]))
+        return false;
+    if (!call->response->status)
+        call_refuse(call, 403, "not_allowed", NULL,
+                    blind ? "You rate an exam of this session, and its trace names the trainee."
+                          : "This session has an exam whose result was not released.");
+    return true;
+}
+
 // The path of its trace; false after a refusal.
 static bool find_trace(struct api_call *call, char out_path[STORE_TEXT_MAX]) {
     struct stat status;
     json_t *row = find_session(call);
     if (!row)
         return false;
-    if (attempt_is_blind(call, call->args[0])) {
+    if (is_sealed(call)) {
         json_decref(row);
-        if (!call->response->status)
-            call_refuse(call, 403, "not_allowed", NULL,
-                        "You rate an exam of this session, and its trace names the trainee.");
         return false;
     }
     note_reading(call, row);

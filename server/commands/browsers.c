@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "live/live.h"
 #include "review/page.h"
+#include "store/exams.h"
 #include "store/store.h"
 #include "task/library.h"
 #include "web/host_check.h"
@@ -90,20 +91,23 @@ static void take_row(void *user, const struct store_cell *cells, int count) {
         }
 }
 
-// Instructors see all recorded sessions, trainees their own. The audit log says who sees others'.
+// Instructors see all recorded sessions, trainees their own, except those with an exam that was not
+// released. The audit log says who sees others'.
 static bool allowed(void *user, const struct live_account *viewer_account, const char *session) {
     const struct browsers *b = user;
     struct ownership ownership = {.viewer_account = viewer_account};
     struct store *store;
+    bool withheld = true;
     bool is_instructor = !strcmp(viewer_account->role, store_role_name(ROLE_INSTRUCTOR));
     if (!is_instructor && strcmp(viewer_account->role, store_role_name(ROLE_TRAINEE)) != 0)
         return false;
-    if (store_open(b->records, STORE_THERE, viewer_account->name, &store, NULL) == RESULT_OK)
-        store_rows(store, LIST_SESSIONS, session, take_row, &ownership, NULL);
+    if (store_open(b->records, STORE_THERE, viewer_account->name, &store, NULL) == RESULT_OK &&
+        store_rows(store, LIST_SESSIONS, session, take_row, &ownership, NULL) == RESULT_OK)
+        store_is_withheld(store, session, &withheld, NULL);
     store_close(&store);
     if (is_instructor && ownership.is_others)
         api_note_reading(b->api, viewer_account->name, session);
-    return is_instructor || ownership.is_own;
+    return is_instructor || (ownership.is_own && !withheld);
 }
 
 // ---- joining ------------------------------------------------------------------------------------

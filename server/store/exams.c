@@ -248,3 +248,15 @@ enum result store_is_blind_to_exam(struct store *store, int64_t account, int64_t
                                 &found, err, "ii", account, exam),
                      out_is);
 }
+
+enum result store_is_withheld(struct store *store, const char *session, bool *out_is,
+                              struct error *err) {
+    int64_t found;
+    return answer_if(store_find(store,
+                                "SELECT 1 FROM session s JOIN attempt a ON a.session_id = s.id "
+                                "JOIN exam_task x ON x.attempt_id = a.id "
+                                "JOIN exam e ON e.id = x.exam_id WHERE s.uuid = ? AND "
+                                "e.state <> 'released'",
+                                &found, err, "t", session),
+                     out_is);
+}

@@ -79,6 +79,11 @@ enum result store_is_blind(struct store *store, int64_t account, const char *ses
 enum result store_is_blind_to_exam(struct store *store, int64_t account, int64_t exam, bool *out_is,
                                    struct error *err);
 
+// Whether the session has an attempt of an exam that was not released: then its trainee must not
+// see what came of it.
+enum result store_is_withheld(struct store *store, const char *session, bool *out_is,
+                              struct error *err);
+
 // ---- ratings ------------------------------------------------------------------------------------
 
 // ASSET: seven domains from 1 to 5, autonomy from 1 to 3.

@@ -375,6 +375,11 @@ static void an_exam_is_withheld_until_it_is_released_and_signed(void **state) {
     must(200, "GET", "/attempts", ada, NULL);
     assert_string_equal(text_at("attempts.0.verdict"), "(none)");
     assert_true(isnan(number_at("attempts.0.time_s")));
+    must(403, "GET", "/sessions/" SESSION_ADA "/trace", ada, NULL); // it has the outcome too
+    must(403, "GET", "/sessions/" SESSION_ADA "/report", ada, NULL);
+    must(200, "GET", "/sessions/" SESSION_ADA, ada, NULL);
+    assert_int_equal(count_at("results"), 0);
+    must(200, "GET", "/sessions/" SESSION_ADA "/trace", grace, NULL);
     must(200, "POST", "/exams/1/release", grace, "{}");
     assert_signed();
     must(200, "GET", "/exams/1", ada, NULL);
@@ -383,6 +388,7 @@ static void an_exam_is_withheld_until_it_is_released_and_signed(void **state) {
     assert_true(json_is_true(json_object_get(json_object_get(said, "exam"), "flagged")));
     must(200, "GET", "/attempts", ada, NULL);
     assert_string_equal(text_at("attempts.0.verdict"), "passed");
+    must(200, "GET", "/sessions/" SESSION_ADA "/trace", ada, NULL);
     must(409, "POST", "/exams/1/release", grace, "{}");
     must(409, "DELETE", "/exams/1", grace, NULL);
 }

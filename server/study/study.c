@@ -13,6 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define FIGURE_NAME_MAX 160
+
 struct page {
     FILE *file;
     char *text;
@@ -96,31 +98,58 @@ static FILE *begin_row(struct writing *w, enum study_table_id table, struct atte
     return file;
 }
 
-// Figures within figures are named OUTER.INNER.
-static void put_figures(struct writing *w, struct attempt_id id, const char *outer,
-                        json_t *figures) {
-    const char *key;
-    char name[160];
-    json_t *value;
-    json_object_foreach(figures, key, value) {
-        snprintf(name, sizeof name, "%s%s%s", outer, *outer ? "." : "", key);
-        if (json_is_object(value)) {
-            put_figures(w, id, name, value);
-            continue;
-        }
-        FILE *file = begin_row(w, TABLE_FIGURES, id);
-        study_put_text(file, name, false);
-        if (json_is_number(value))
-            study_put_number(file, json_number_value(value), true);
-        else
-            study_put_text(file, json_is_boolean(value) ? json_is_true(value) ? "1" : "0" : "",
-                           true);
-    }
-}
-
 static const char *text_of(const json_t *object, const char *key) {
     const char *text = json_string_value(json_object_get(object, key));
     return text ? text : "";
+}
+
+static void put_figure(struct writing *w, struct attempt_id id, const char *name,
+                       const json_t *value) {
+    FILE *file = begin_row(w, TABLE_FIGURES, id);
+    study_put_text(file, name, false);
+    if (json_is_number(value))
+        study_put_number(file, json_number_value(value), true);
+    else
+        study_put_text(file, json_is_boolean(value) ? json_is_true(value) ? "1" : "0" : "", true);
+}
+
+// OUTER.INNER; false where it is too long to be one of ours.
+static bool join(const char *outer, const char *inner, char out[FIGURE_NAME_MAX]) {
+    return snprintf(out, FIGURE_NAME_MAX, "%s%s%s", outer, *outer ? "." : "", inner) <
+           FIGURE_NAME_MAX;
+}
+
+static void put_figures(struct writing *w, struct attempt_id id, const char *outer,
+                        json_t *figures);
+
+// Those of a list by the name of its member, or by the tissue's.
+static void put_members(struct writing *w, struct attempt_id id, const char *outer, json_t *list) {
+    char name[FIGURE_NAME_MAX];
+    json_t *member;
+    size_t i;
+    json_array_foreach(list, i, member) {
+        const char *own = text_of(member, json_object_get(member, "name") ? "name" : "group");
+        if (join(outer, own, name))
+            put_figures(w, id, name, member);
+    }
+}
+
+// A text is no figure.
+static void put_figures(struct writing *w, struct attempt_id id, const char *outer,
+                        json_t *figures) {
+    const char *key;
+    char name[FIGURE_NAME_MAX];
+    json_t *value;
+    json_object_foreach(figures, key, value) {
+        if (!join(outer, key, name) || json_is_string(value))
+            continue;
+        if (json_is_object(value))
+            put_figures(w, id, name, value);
+        else if (json_is_array(value))
+            put_members(w, id, name, value);
+        else
+            put_figure(w, id, name, value);
+    }
 }
 
 static void put_errors(struct writing *w, struct attempt_id id, json_t *occurrences) {

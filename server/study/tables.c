@@ -59,9 +59,11 @@ static const struct study_column figures[] = {
     SESSION,
     NUMBER,
     {"figure", NULL, CELL_AS_IT_IS, "text", "",
-     "name of a figure of the attempt's span, with its unit at the end where it has one", "never"},
+     "name of a figure of the attempt with its unit at the end: goals.NAME.met_s is when a goal "
+     "was met, resections.TISSUE.over_mm3 what was cut beyond the plan",
+     "never"},
     {"value", NULL, CELL_AS_IT_IS, "number", "that of the figure", "its value",
-     "the figure has no value"},
+     "there is none: the goal was not met"},
     {0},
 };
 

@@ -35,7 +35,8 @@ def seed(path):
                        (i + 1, IDS[i], trainees[name], BEGIN_NS, BEGIN_NS + 10**9, f"/{i}.trace"))
         db.execute("INSERT INTO result VALUES (1, 'over', 'meniscus', 1, 'mm3', 4.5, NULL), "
                    "(1, 'rim', 'meniscus', 2, 'mm', NULL, NULL), (3, 'over', '', 1, 'mm3', 1, NULL)")
-        figures = '{"path_mm": 120.125, "view": {"lost_s": 2}, "calm": true, "none": null}'
+        figures = ('{"goals": [{"name": "notch", "met_s": 1.5}, {"name": "horn", "met_s": null}], "calm": true,'
+                   ' "resections": [{"group": "meniscus_medial", "over_mm3": 4.25}], "view": {"lost_s": 2}}')
         errors = ('[{"error": "too deep", "tool": "probe", "step": 7, "time_s": 0.1},'
                   ' {"error": "bump", "step": 8, "time_s": 2}]')
         empty = ("{}", "[]")
@@ -102,7 +103,8 @@ class Study(unittest.TestCase):
         self.assertEqual('Look, "then" touch', last["title"])
         self.assertEqual('=2+3 room, "one"', last["station"])
         self.assertEqual(("", "1"), (last["exam"], tables["attempts.csv"][0]["exam"]))
-        self.assertEqual({"path_mm": "120.125", "view.lost_s": "2", "calm": "1", "none": ""},
+        self.assertEqual({"goals.notch.met_s": "1.5", "goals.horn.met_s": "", "calm": "1", "view.lost_s": "2",
+                          "resections.meniscus_medial.over_mm3": "4.25"},
                          {row["figure"]: row["value"] for row in tables["figures.csv"]})
         self.assertEqual([("too deep", "probe", "7", "0.1"), ("bump", "", "8", "2")],
                          [(row["error"], row["tool"], row["step"], str(float(row["time_s"])).removesuffix(".0"))

@@ -320,7 +320,7 @@ size_t live_server_batch(struct live_server *live, struct viewer *viewer, int64_
 // ---- begin and end ------------------------------------------------------------------------------
 
 #define COMMAND_THREADS 4
-#define PLAYBACK_NICE 15 // behind workers, cuts and commands
+#define PLAYBACK_NICE 11 // behind workers, cuts and commands; a person waits for it
 
 struct live_server *live_server_create(struct sessions *sessions,
                                        const struct live_config *config) {

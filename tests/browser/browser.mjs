@@ -146,6 +146,16 @@ export class Browser {
   }
 }
 
+/** A recorded session is replayed to its end. That takes as long as the machine lets the server; it may not stand still. */
+export async function replayed(page) {
+  const shown = () => page.locator(".transport-progress").first().evaluate((bar) => bar.value).catch(() => 0);
+  for (let before = -1, now = await shown(); ; before = now, now = await shown()) {
+    const patience = now > before ? PATIENCE_MS : 1;
+    if (await page.getByText("Recording verified").waitFor({ timeout: patience }).then(() => true, () => false)) return;
+    if (now <= before) throw new Error(`the replay stands still at ${now}`);
+  }
+}
+
 /** An element's pixels: {width, height, data} with 4 bytes each. */
 export async function pixels(locator) {
   return PNG.sync.read(await locator.screenshot());

@@ -2,14 +2,14 @@
 import assert from "node:assert/strict";
 import { truncateSync } from "node:fs";
 import { basename } from "node:path";
-import { ALIKE, difference, still } from "../browser.mjs";
+import { ALIKE, difference, replayed, still } from "../browser.mjs";
 import { call, sleep, until } from "../programs.mjs";
 
 async function a_recorded_session_ends_with_the_volume_that_it_had({ testbed, browser, users }) {
   const { id, resection: live } = await testbed.recorded();
   const page = await browser.page(await browser.context(users.instructor), `#/session/${id}`);
   const left = page.locator(".resection-group").first().locator(".figure").filter({ hasText: "Volume left" }).locator("dd").first();
-  await page.getByText("Recording verified").waitFor(); // of the page's own mesh
+  await replayed(page); // and verified with the page's own mesh
   const volume = async () => Number((await left.innerText()).replace(/[^0-9.]/g, ""));
   const isEnd = async () => Math.abs((await volume()) - live.volume_mm3) <= 0.5;
   await until("it opens on the outcome", isEnd, 5);
@@ -28,7 +28,7 @@ async function beside({ browser, users }, query, id) {
   const asked = [];
   context.on("request", (request) => asked.push(new URL(request.url()).pathname));
   const page = await browser.page(context, `#/session/${id}?${query}`);
-  await page.getByText("Recording verified").waitFor();
+  await replayed(page);
   await until("the other's replay has come", async () => (await page.locator(".compare-name").isVisible()) && (await page.locator(".compare-share").innerText()) === "");
   return { page, asked };
 }
@@ -76,12 +76,12 @@ async function another_session_is_seen_beside_and_goes_with_the_cursor(world) {
   assert.ok(await page.locator(".transport.with-other").isVisible());
   await key(page, "End");
   const end = await picture(page, ".viewport.other");
+  const away = async () => difference(end, await picture(page, ".viewport.other"));
+  let moved = 0;
   await key(page, "Home");
-  const moved = difference(end, await picture(page, ".viewport.other"));
-  assert.ok(moved > 4 * ALIKE, `${moved} of the other's picture is another at the beginning`);
+  await until("the other's picture is another at the beginning", async () => (moved = await away()) > 4 * ALIKE);
   await key(page, "End");
-  const back = difference(end, await picture(page, ".viewport.other"));
-  assert.ok(back < moved / 4, `${back} of it is another at the end again, ${moved} at the beginning`);
+  await until("it is the same at the end again", async () => (await away()) < moved / 4);
   await sameFigures(page, other.id);
   await page.getByRole("button", { name: "End comparison" }).click();
   await page.locator(".viewport.other").waitFor({ state: "detached" });

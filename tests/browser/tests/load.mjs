@@ -1,5 +1,6 @@
 // 32 stations and 8 browsers: what they cost the server, and what comes to each.
 import assert from "node:assert/strict";
+import { replayed } from "../browser.mjs";
 import { SIMULATED_HZ } from "../testbed.mjs";
 import { sleep, until } from "../programs.mjs";
 import { quantile } from "../report.mjs";
@@ -93,7 +94,7 @@ async function messages_and_bytes_of_each_view({ testbed, browser, users, report
   }
   const { id } = await testbed.recorded();
   const page = await browser.page(await browser.context(users.instructor), `#/session/${id}`);
-  await page.getByText("Recording verified").waitFor();
+  await replayed(page);
   report.figure("debrief_messages_in_all", browser.heard(page).messages, "");
   report.figure("debrief_bytes_in_all", browser.heard(page).bytes, "B");
 }

@@ -14,9 +14,34 @@ static void stray(struct planner *p, uint64_t *dice) {
     }
 }
 
-// The expert's steps, slower, with a tremor and a detour before each look.
+static bool is_look(enum motion_verb verb) {
+    return verb == MOTION_LOOK || verb == MOTION_STAND;
+}
+
+static bool is_touch(enum motion_verb verb) {
+    return verb == MOTION_TOUCH || verb == MOTION_PALPATE;
+}
+
+static void add_again(struct planner *p, const struct motion_step *step) {
+    struct motion_step *added = add_step(p->trial, step->verb);
+    if (added)
+        *added = *step;
+}
+
+// Touches while the scope looks elsewhere, and then looks back.
+static void poke(struct planner *p, const struct motion_step *touch,
+                 const struct motion_step *looked, uint64_t *dice) {
+    stray(p, dice);
+    add_again(p, touch);
+    if (looked)
+        add_again(p, looked);
+}
+
+// The expert's steps, slower, with a tremor, a detour before each look and a blind poke before each
+// touch.
 void become_novice(struct planner *p, int64_t seed) {
     uint64_t dice = (uint64_t)seed;
+    const struct motion_step *looked = NULL;
     *p->trial = *p->script;
     p->trial->seed = seed & UINT32_MAX;
     p->trial->speed_mm_s = p->trial->joint_speed_deg_s = 12;
@@ -24,10 +49,13 @@ void become_novice(struct planner *p, int64_t seed) {
     p->trial->skips = true;
     p->trial->step_count = 0;
     for (int i = 0; i < p->script->step_count; i++) {
-        if (p->script->steps[i].verb == MOTION_LOOK)
+        const struct motion_step *step = &p->script->steps[i];
+        if (is_look(step->verb)) {
             stray(p, &dice);
-        struct motion_step *step = add_step(p->trial, p->script->steps[i].verb);
-        if (step)
-            *step = p->script->steps[i];
+            looked = step;
+        } else if (is_touch(step->verb)) {
+            poke(p, step, looked, &dice);
+        }
+        add_again(p, step);
     }
 }

@@ -11,6 +11,7 @@ struct play {
     struct operation *operation;
     const struct site *site;
     struct attempt *attempt;
+    const struct play_watch *watch;
     struct job_result *landing;
     int64_t lands_ns;
 };
@@ -19,6 +20,8 @@ static void step(struct play *play, const struct session_input *input) {
     struct session_output output;
     session_step(play->session, input, &output);
     attempt_step(play->attempt, play->site, &output);
+    if (play->watch)
+        play->watch->step(play->watch->user, input, &output);
     if (!output.job.id)
         return;
     play->landing = operation_run(play->operation, &output.job);
@@ -62,7 +65,8 @@ static void play_row(struct play *play, const struct motion *motion, size_t row,
 }
 
 void play_motion(const struct motion *motion, double rate_hz, const struct scene *scene,
-                 const struct site *site, struct attempt *out_attempt, struct mesh *out_tissues) {
+                 const struct site *site, const struct play_watch *watch,
+                 struct attempt *out_attempt, struct mesh *out_tissues) {
     struct session_settings settings = session_settings_default();
     settings.instruments = *site_tools(site);
     struct play play = {
@@ -70,6 +74,7 @@ void play_motion(const struct motion *motion, double rate_hz, const struct scene
         .operation = operation_create(scene, settings.rules, &settings.instruments),
         .site = site,
         .attempt = out_attempt,
+        .watch = watch,
     };
     double row_ns = NS_PER_S / rate_hz;
     attempt_init(out_attempt);

@@ -113,7 +113,7 @@ enum result try_script(struct planner *p, const struct motion_script *script) {
     motion_fini(&p->out->motion);
     p->out->motion = motion;
     drop_tissues(p);
-    play_motion(&motion, script->rate_hz, p->scene, p->site, &p->out->attempt, p->tissues);
+    play_motion(&motion, script->rate_hz, p->scene, p->site, NULL, &p->out->attempt, p->tissues);
     return RESULT_OK;
 }
 

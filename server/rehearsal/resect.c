@@ -4,7 +4,7 @@
 #include <math.h>
 
 #define BITES 30      // of a round
-#define ROUNDS 6      // from one stance
+#define ROUNDS 9      // from one stance
 #define WORTH_MM3 2.0 // less than this from a round, and another stance is tried
 #define SETTLE_S 0.4
 
@@ -24,30 +24,55 @@ static const struct motion_left *find_left(struct planner *p, const char *group,
     return found ? left : NULL;
 }
 
+enum way { BITE_BELOW, BITE_ABOVE, SHAVE, WAY_COUNT };
+
 struct round {
     const struct stance *stance;
-    bool enters;     // the hands are not in this stance yet
-    bool from_above; // the punch is turned over
+    enum way way;
+    bool enters; // the punch is not inside in this stance yet
     double gained_mm3;
 };
 
-static void add_round(struct planner *p, const struct goal *goal, const struct round *round,
+static void add_bites(struct planner *p, const char *group, const struct round *round,
                       const struct motion_left *left) {
-    struct motion_script *script = p->trial;
-    if (round->enters) {
-        hold_joint(script, goal, round->stance);
-        add_named(script, MOTION_LOOK, CHANNEL_SCOPE, goal->resect);
-        add_named(script, MOTION_APPROACH, CHANNEL_PUNCH, p->portals[1]);
-    }
-    struct motion_step *step = add_named(script, MOTION_RESECT, CHANNEL_PUNCH, goal->resect);
+    if (round->enters)
+        add_named(p->trial, MOTION_APPROACH, CHANNEL_PUNCH, p->portals[1]);
+    struct motion_step *step = add_named(p->trial, MOTION_RESECT, CHANNEL_PUNCH, group);
     if (!step)
         return;
     step->count = BITES;
     step->left = left;
-    step->from_above = round->from_above;
+    step->from_above = round->way == BITE_ABOVE;
 }
 
-// True if the goal is met. A round that took something of the plan stays in the script.
+// Along the whole margin of the plan: it takes what the jaws have left standing.
+static void add_shave(struct planner *p, const char *group) {
+    add_named(p->trial, MOTION_WITHDRAW, CHANNEL_PUNCH, "");
+    add_named(p->trial, MOTION_APPROACH, CHANNEL_SHAVER, p->portals[1]);
+    add_named(p->trial, MOTION_TRACE, CHANNEL_SHAVER, group);
+    add_named(p->trial, MOTION_WITHDRAW, CHANNEL_SHAVER, "");
+}
+
+static void add_round(struct planner *p, const struct goal *goal, const struct round *round,
+                      const struct motion_left *left) {
+    *p->trial = *p->script;
+    if (round->enters) {
+        hold_joint(p->trial, goal, round->stance);
+        add_named(p->trial, MOTION_LOOK, CHANNEL_SCOPE, goal->resect);
+    }
+    if (round->way == SHAVE)
+        add_shave(p, goal->resect);
+    else
+        add_bites(p, goal->resect, round, left);
+}
+
+static bool is_too_much(const struct goal *goal, const struct quality_report *report) {
+    return report->over_mm3 > goal->over_share * report->planned_mm3 ||
+           report->rim_mm < goal->rim_mm;
+}
+
+// True if the goal is met. A round that took something of the plan, and not too much beyond it,
+// stays in the script.
 static bool try_round(struct planner *p, int index, struct round *round) {
     const struct goal *goal = &p->task->goals[index];
     int tissue = site_goal(p->site, index)->tissue;
@@ -57,20 +82,21 @@ static bool try_round(struct planner *p, int index, struct round *round) {
     round->gained_mm3 = 0;
     if (!left)
         return false;
-    *p->trial = *p->script;
     add_round(p, goal, round, left);
     int bitten = p->trial->step_count;
     add_amount(p->trial, MOTION_WAIT, goal->hold_s + SETTLE_S);
     if (try_script(p, p->trial) != RESULT_OK)
         return false;
     bool met = p->out->attempt.goals[index].met;
+    if (!met && (report->under_mm3 >= before || is_too_much(goal, report))) {
+        try_script(p, p->script);
+        return false;
+    }
     round->gained_mm3 = before - report->under_mm3;
+    round->enters = round->way == SHAVE;
     if (!met)
         p->trial->step_count = bitten;
-    if (round->gained_mm3 > 0 || met) {
-        round->enters = false;
-        *p->script = *p->trial;
-    }
+    *p->script = *p->trial;
     return met;
 }
 
@@ -80,11 +106,11 @@ bool meet_resection(struct planner *p, int index) {
         return false;
     for (int s = 0; s < STANCE_COUNT; s++) {
         struct round round = {.stance = &stances[s], .enters = true};
-        for (int i = 0, idle = 0; i < ROUNDS && idle < 2; i++) {
+        for (int i = 0, idle = 0; i < ROUNDS && idle < WAY_COUNT; i++) {
+            round.way = i % WAY_COUNT;
             if (try_round(p, index, &round))
                 return true;
             idle = round.gained_mm3 > WORTH_MM3 ? 0 : idle + 1;
-            round.from_above = !round.from_above;
         }
     }
     const struct quality_report *report =

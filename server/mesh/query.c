@@ -2,10 +2,9 @@
 
 #include "base/check.h"
 #include "mesh/cluster.h"
+#include "mesh/device.h"
 
-#include <embree3/rtcore.h>
 #include <float.h>
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -19,14 +18,6 @@ struct query {
 
 // ---- building ----
 
-static RTCDevice device;
-static pthread_once_t device_once = PTHREAD_ONCE_INIT;
-
-// One for the process, never released: Embree keeps caches of threads that outlive any owner.
-static void make_device(void) {
-    device = rtcNewDevice("threads=1");
-}
-
 static void cluster_bounds(const struct RTCBoundsFunctionArguments *arguments) {
     const struct query *query = arguments->geometryUserPtr;
     const struct cluster *cluster = &query->clusters[arguments->primID];
@@ -39,7 +30,7 @@ static void cluster_bounds(const struct RTCBoundsFunctionArguments *arguments) {
     b->upper_z = cluster->high[2];
 }
 
-static void build_scene(struct query *query) {
+static void build_scene(struct query *query, RTCDevice device) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
     rtcSetGeometryBuildQuality(geometry, RTC_BUILD_QUALITY_HIGH);
     rtcSetGeometryUserPrimitiveCount(geometry, query->cluster_count);
@@ -62,14 +53,14 @@ static double largest_coordinate(const struct mesh *mesh) {
 }
 
 enum result query_create(const struct mesh *mesh, struct query **out_query, struct error *err) {
-    pthread_once(&device_once, make_device);
-    if (!device)
-        return fail(err, RESULT_IO, "Embree cannot start: error %d", rtcGetDeviceError(NULL));
+    RTCDevice device;
+    if (embree_device(&device, err) != RESULT_OK)
+        return RESULT_IO;
     struct query *query = alloc(1, sizeof *query);
     query->mesh = mesh;
     query->reach = largest_coordinate(mesh);
     query->clusters = clusters_create(mesh, &query->cluster_count);
-    build_scene(query);
+    build_scene(query, device);
     enum RTCError problem = rtcGetDeviceError(device);
     if (problem != RTC_ERROR_NONE) {
         query_destroy(&query);

@@ -1,10 +1,9 @@
 #include "mesh/sight.h"
 
 #include "base/check.h"
+#include "mesh/device.h"
 
-#include <embree3/rtcore.h>
 #include <float.h>
-#include <pthread.h>
 #include <stdlib.h>
 
 struct sight {
@@ -14,14 +13,6 @@ struct sight {
 };
 
 // ---- building -----------------------------------------------------------------------------------
-
-static RTCDevice device;
-static pthread_once_t device_once = PTHREAD_ONCE_INIT;
-
-// One for the process, as that of queries (query.c).
-static void make_device(void) {
-    device = rtcNewDevice("threads=1");
-}
 
 static void triangle_bounds(const struct RTCBoundsFunctionArguments *arguments) {
     const struct sight *sight = arguments->geometryUserPtr;
@@ -42,7 +33,7 @@ static void triangle_bounds(const struct RTCBoundsFunctionArguments *arguments) 
 
 static void meet_triangle(const struct RTCOccludedFunctionNArguments *arguments);
 
-static void build_scene(struct sight *sight) {
+static void build_scene(struct sight *sight, RTCDevice device) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
     rtcSetGeometryUserPrimitiveCount(geometry, sight->mesh->triangle_count);
     rtcSetGeometryUserData(geometry, sight);
@@ -64,13 +55,13 @@ static double margin_of(const struct mesh *mesh) {
 }
 
 enum result sight_create(const struct mesh *mesh, struct sight **out_sight, struct error *err) {
-    pthread_once(&device_once, make_device);
-    if (!device)
-        return fail(err, RESULT_IO, "Embree cannot start: error %d", rtcGetDeviceError(NULL));
+    RTCDevice device;
+    if (embree_device(&device, err) != RESULT_OK)
+        return RESULT_IO;
     struct sight *sight = alloc(1, sizeof *sight);
     sight->mesh = mesh;
     sight->margin = margin_of(mesh);
-    build_scene(sight);
+    build_scene(sight, device);
     enum RTCError problem = rtcGetDeviceError(device);
     if (problem != RTC_ERROR_NONE) {
         sight_destroy(&sight);

@@ -131,7 +131,7 @@ function Items({ app, exam }: { app: App; exam: Exam }) {
   const words = text.teach.exam;
   const begun = exam.state === "begun";
   return (
-    <section class="panel exam-part" aria-label={words.items}><h2>{words.items}{begun && <> <Badge kind="act" icon="act">{words.sealed}</Badge></>}</h2>
+    <section class="panel exam-part"><h2>{words.items}{begun && <> <Badge kind="act" icon="act">{words.sealed}</Badge></>}</h2>
       <Table caption={words.items} rows={exam.items} keyOf={({ task, case: knee }) => `${task} ${knee}`} columns={[
         { label: words.task, cell: ({ task }) => nameInWords(task) },
         { label: words.case, cell: ({ case: knee }) => knee },

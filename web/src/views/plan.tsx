@@ -70,7 +70,7 @@ function Editor({ app, course, courses, library, plan }: EditorProps) {
       <section class="plan-weeks" aria-label={words.weeks} tabIndex={0}>
         {weeksOf(items, weeks).map(({ week, tasks }) => (
           <div key={week} class="panel plan-week"><h2>{words.week(week)}</h2>
-            <ol>{tasks.map(({ task, passes }) => <li key={task}><button type="button" class="plan-task" aria-pressed={task === chosen} onClick={() => setChosen(task)}><b>{titleOf(task)}</b><span class="quiet-text">{text.teach.train.passes(passes, passes)}</span></button></li>)}</ol></div>))}
+            <ol>{tasks.map(({ task, passes }) => <li key={task}><button type="button" class="plan-task" aria-pressed={task === chosen} onClick={() => setChosen(task)}><b>{titleOf(task)}</b><span class="quiet-text">{words.inRow(passes)}</span></button></li>)}</ol></div>))}
         {!frozen && <Button onClick={() => setWeeks(weeks + 1)}>{words.addWeek}</Button>}
         {items.length === 0 && <p class="quiet-text">{words.empty}</p>}
       </section>

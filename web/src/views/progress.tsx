@@ -114,7 +114,7 @@ function Attempts({ app, course, trainee, task }: { app: App; course: string; tr
 
 export function AttemptTable({ rows, rate = false }: { rows: readonly AttemptRow[]; rate?: boolean }) {
   const words = text.teach.progress;
-  return <Table caption={words.table} rows={rows} keyOf={({ session, number }) => `${session} ${number}`} columns={[
+  return <Table caption={words.attemptTable} rows={rows} keyOf={({ session, number }) => `${session} ${number}`} columns={[
     { label: words.columns.when, cell: (row) => <span class="number">{format.time(row.begun_utc_s * 1000)}</span> },
     { label: words.columns.hand, cell: ({ hand }) => words.handShort[hand] },
     { label: words.columns.time, number: true, cell: ({ time_s }) => (time_s === null ? format.none : format.clock(time_s)) },

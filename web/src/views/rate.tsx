@@ -39,7 +39,7 @@ function Rate({ app, session, number }: { app: App; session: string; number: num
   const attempt = useLoaded(async () => (await app.api.get<{ attempt: AttemptRow }>(`/attempts/${part(session)}/${number}`)).attempt, [session, number]);
   return <>
     <Head title={words.title} hint={words.blinded} />
-    <Await of={attempt}>{(row) => <div class="rate">
+    <Await of={attempt}>{(row) => <div class="rate-page">
       <section class="panel" aria-label={words.through}><h2>{row.title}</h2><Replay app={app} attempt={row} /></section>
       <section class="panel"><Form app={app} session={session} number={number} /></section>
     </div>}</Await>

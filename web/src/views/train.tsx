@@ -35,7 +35,7 @@ function Train({ route, app }: ViewProps) {
   useEffect(() => app.title(words.title(station)), [station]);
   const account = app.account?.role === "trainee" ? app.account : undefined;
   return (
-    <div class="train">
+    <div class="train-page">
       <h1 class="unseen">{words.title(station)}</h1>
       {account ? <Trainee station={station} route={route} app={app} account={account} /> : <Who app={app} />}
     </div>

@@ -68,7 +68,8 @@ class OldTraces(unittest.TestCase):
         resection = found["resections"][0]
         self.assertAlmostEqual(resection["removed_mm3"] + resection["pieces_mm3"], scored["value"], 9)
         resection["removed_mm3"] = before["resections"][0]["removed_mm3"]
-        self.assertEqual((found.pop("markers"), found.pop("markers_count")), ([], 0))
+        self.assertEqual((found.pop("markers"), found.pop("markers_count"), found.pop("attempts")), ([], 0, []))
+        self.assertEqual([found["events"].pop(event) for event in ("grasped", "dropped", "taken_out")], [0, 0, 0])
         self.assertEqual(found, before)
 
     def test_its_table_has_the_same_values(self):

@@ -4,6 +4,7 @@
 #include "folder.h"
 #include "generate/generate.h"
 #include "judging/judging.h"
+#include "landmarks/landmarks.h"
 #include "rehearsal/play.h"
 #include "rehearsal/rehearsal.h"
 #include "samples.h"
@@ -74,6 +75,8 @@ static enum result load(struct measuring *m, const char *name, const char *recip
         result = recipe_load(path, &recipe, err);
     if (result == RESULT_OK)
         result = generate_knee(&recipe, &made, err);
+    if (result == RESULT_OK)
+        result = landmarks_find(made, NULL, err);
     if (result == RESULT_OK)
         result = case_save(made, m->dir, err);
     case_destroy(&made);

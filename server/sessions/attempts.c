@@ -6,6 +6,7 @@
 #include "runtime/attempt_state.h"
 #include "runtime/reply.h"
 #include "store/attempts.h"
+#include "store/courses.h"
 #include "task/tell.h"
 
 #include <openssl/evp.h>
@@ -78,6 +79,31 @@ static bool take_site(struct sessions *s, const struct station_status *status, i
            reply_refuse(reply, "station %s: %s", station_name(s, station), err.text);
 }
 
+// The mark in force; where the records have none, or cannot be read, the task file's.
+static struct trace_attempt marked(const struct sessions *s, const struct task_file *file) {
+    struct trace_attempt begun = {.pass_time_s = file->task.pass_time_s,
+                                  .pass_errors = (uint32_t)file->task.pass_errors};
+    struct pass_mark mark;
+    struct store *store = NULL;
+    struct error err;
+    if (!s->recorder)
+        return begun;
+    enum result result = store_open(s->config.records, STORE_THERE, "server", &store, &err);
+    if (result == RESULT_OK)
+        result = store_task_mark(store, file->task.name, &mark, &err);
+    store_close(&store);
+    if (result != RESULT_OK && result != RESULT_MISSING)
+        log_warning("sessions", "task %s: its own pass mark counts: %s", file->task.name, err.text);
+    bool is_good = result == RESULT_OK && mark.version > 0 && mark.time_s >= 1 &&
+                   mark.time_s <= 3600 && mark.errors >= 0 && mark.errors <= 1000;
+    if (is_good) {
+        begun.mark_version = (uint32_t)mark.version;
+        begun.pass_time_s = mark.time_s;
+        begun.pass_errors = (uint32_t)mark.errors;
+    }
+    return begun;
+}
+
 // From here on the attempt is the worker's.
 static bool give(struct sessions *s, int station, struct session_attempt *attempt,
                  arthron_CommandReply *reply) {
@@ -113,10 +139,9 @@ bool attempts_begin_command(struct sessions *s, int station, const arthron_Comma
     if (is_running(s, station, &shown) && shown.session == status.about.serial)
         return reply_refuse(reply, "station %s: an attempt runs: %s", station_name(s, station),
                             shown.state.task);
-    struct trace_attempt begun = {.purpose = (enum attempt_purpose)command->purpose,
-                                  .hand = (enum attempt_hand)command->hand,
-                                  .pass_time_s = file->task.pass_time_s,
-                                  .pass_errors = (uint32_t)file->task.pass_errors};
+    struct trace_attempt begun = marked(s, file);
+    begun.purpose = (enum attempt_purpose)command->purpose;
+    begun.hand = (enum attempt_hand)command->hand;
     struct open_attempt *open = attempt_of(&begun, status.about.id, status.about.start_utc_ns);
     struct session_attempt *attempt = &open->runtime;
     attempt->session = status.about.serial;

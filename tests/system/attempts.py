@@ -4,6 +4,7 @@ middle; the attempt goes on, and its verdict is the one that the trace gives."""
 
 import os
 import signal
+import sqlite3
 import unittest
 
 from arthron import CASES, SystemTest, call, call_json, wait_until
@@ -46,7 +47,7 @@ class Attempts(SystemTest):
         self.trace = self.session()["trace"]
 
     def restart(self):
-        self.server = self.start_server(stations="[station room-1]\ncase = healthy\n", extra="tasks = tasks")
+        self.server = self.start_server(stations="[station room-1]\ncase = healthy\n", extra="tasks = tasks\nrecords = records.db")
 
     def judged(self):
         return call_json("arthron-trace", "judge", self.trace, code=None)
@@ -63,6 +64,8 @@ class Attempts(SystemTest):
         self.server.end(signal.SIGKILL)
         self.restart()
         wait_until("its end", lambda: "attempt 1 at two-looks" in self.server.log(), 60)
+        with sqlite3.connect(self.path("records.db")) as records:
+            records.execute("INSERT INTO pass_mark VALUES ('two-looks', 1, 1, 'by hand', 'for a test', 40, 0, 0)")
         self.session_command("begin", "room-1", "two-looks", "--exam")
         self.session_command("leave", "room-1")
         self.session_command("begin", "room-1", "two-looks")
@@ -74,6 +77,13 @@ class Attempts(SystemTest):
         self.assertEqual((second["end"], second["purpose"]), ("left", "exam"))
         self.assertEqual((third["end"], third["number"]), ("left", 3))
         self.assertTrue(all(one["same"] for one in (first, second, third)))
+        self.assertEqual((first["mark_version"], second["mark_version"]), (0, 1))
+        with sqlite3.connect(self.path("records.db")) as records:
+            rows = records.execute("SELECT number, task, verdict, errors, goals_met, mark_version, pass_time_s "
+                                   "FROM attempt ORDER BY number").fetchall()
+        self.assertEqual([row[2] for row in rows], [one["verdict"] for one in (first, second, third)])
+        self.assertEqual(rows[0][:2] + rows[0][3:], (1, "two-looks", first["error_count"], 2, 0, 50))
+        self.assertEqual(rows[1][5:], (1, 40))
         info = call_json("arthron-trace", "info", self.trace)
         self.assertEqual([one["verdict"] for one in info["attempts"]], [first["verdict"], "not yet", "not yet"])
         self.assertEqual(info["resumes"], 1)

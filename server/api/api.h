@@ -1,5 +1,6 @@
 // Answers the requests of /api/v1 (docs/API.md): sign-in and roles, people, records, cases,
-// stations, tasks, courses and exams. It has no sockets and sees no running session.
+// stations, tasks, courses and exams. It has no sockets and sees no running session, but passes
+// commands on.
 #pragma once
 
 #include "base/result.h"

@@ -3,7 +3,7 @@
 //
 // Threads beside the runtime's: one for control connections, one for the console, the session
 // manager (manager.h), a few that open and close files, and the recorder. Only the recorder waits
-// for the database.
+// for the database, and a command that begins an attempt, for the pass mark.
 #pragma once
 
 #include "runtime/runtime.h"

@@ -163,6 +163,13 @@ static void browsers(void) {
                                               .from = "00112233445566778899aabbccddeeff",
                                               .at_s = 60}};
     seed_page("copy", &page);
+    page = (arthron_Page){.which_message = arthron_Page_command_tag,
+                          .message.command = {.kind = arthron_Command_Kind_BEGIN,
+                                              .station = "room-1",
+                                              .task = "centring",
+                                              .purpose = arthron_AttemptState_Purpose_EXAM,
+                                              .hand = arthron_AttemptState_Hand_LEFT_HAND}};
+    seed_page("begin", &page);
     page = (arthron_Page){.which_message = arthron_Page_mesh_ask_tag};
     page.message.mesh_ask.have_count = 1;
     snprintf(page.message.mesh_ask.have[0].group, sizeof page.message.mesh_ask.have[0].group,

@@ -1,7 +1,7 @@
-// Plots of values over the time of a session, one below the other, with a common cursor. They are one
-// canvas; what the cursor reads stands beside it as text. A column of pixels shows the least and the
-// greatest value that fall into it, so that no peak is lost.
-import { clockStep, lastBefore, niceStep } from "./axes";
+// Plots of values over the time of a session, one below the other, with a common cursor: a uPlot for each row.
+// What the cursor reads stands beside them as text.
+import uPlot from "uplot";
+import { lastBefore, niceStep } from "./axes";
 import { format } from "./text";
 import { onTheme, themeColour } from "./theme";
 import { h, setClass, setText } from "./ui";
@@ -42,35 +42,38 @@ export interface PlotTexts {
   help: string;
 }
 
-const LABEL = 204; // px, left of the plots
+const LABELS = 172; // px, left of the plots: what the rows are of
+const SCALE = 32; // and the figures of their axes
 const AXIS = 20; // below
 const TOP = 14; // for flags
+const RIGHT = 8;
+const FONT = "11px system-ui, sans-serif";
+const CLOCK_STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600, 7200]; // s
 const COST_SHARE = 6; // a picture that takes so long is drawn again after so many times that
-const TICK = 14; // between figures of an axis at least, and so much of a row is theirs at its edges
 const GAP_S = 2; // a longer gap is not drawn as a line
 
-// A line over columns of pixels: of each the least and the greatest value. It breaks where a value is NaN.
-class Columns {
-  private column = NaN;
-  private least = 0;
-  private most = 0;
-  private last = 0;
+type Points = [times: number[], values: (number | null)[]];
 
-  constructor(private readonly surface: CanvasRenderingContext2D, private readonly y: (value: number) => number) {}
-
-  add(x: number, value: number): void {
-    if (x === this.column && !Number.isNaN(value)) {
-      this.least = Math.min(this.least, value);
-      this.most = Math.max(this.most, value);
-      this.last = value;
-      return;
-    }
-    const begun = !Number.isNaN(this.column);
-    if (begun) for (const each of this.most === this.least ? [this.last] : [this.least, this.most, this.last]) this.surface.lineTo(this.column, this.y(each));
-    if (!begun && !Number.isNaN(value)) this.surface.moveTo(x, this.y(value));
-    this.column = Number.isNaN(value) ? NaN : x;
-    this.least = this.most = this.last = value;
+// Those in the window and the next ones outside; null where the line breaks.
+function pointsOf(values: Values, i: number, k: number, { step }: PlotRow, from: number, to: number): Points {
+  const count = values.count(i, k);
+  const timeOf = (index: number): number => values.time(i, k, index);
+  const gap = Math.max(GAP_S, 2 * values.spacing());
+  const points: Points = [[], []];
+  const put = (time: number, value: number | null): void => {
+    if (time <= (points[0].at(-1) ?? -Infinity)) points[1][points[1].length - 1] = value; // times rise
+    else points[0].push(time), points[1].push(value);
+  };
+  const first = Math.max(0, lastBefore(count, timeOf, from));
+  for (let index = first; index < count; index++) {
+    const time = timeOf(index);
+    if (!step && index > first && time - timeOf(index - 1) > gap) put((time + timeOf(index - 1)) / 2, null);
+    const value = values.value(i, k, index);
+    put(step ? Math.max(time, from) : time, Number.isNaN(value) ? null : value);
+    if (time > to) break;
   }
+  if (step && points[0].length && points[0].at(-1)! < Math.min(to, values.end())) put(Math.min(to, values.end()), points[1].at(-1)!);
+  return points;
 }
 
 export class Plots {
@@ -80,13 +83,13 @@ export class Plots {
   onCursor: (time: number | undefined) => void = () => {};
   onPick: (time: number) => void = () => {}; // a click or Enter
 
-  private readonly canvas = h("canvas", { "aria-hidden": "true" }); // all but the cursor
-  private readonly over = h("canvas", { "aria-hidden": "true" });
   private readonly readings: HTMLElement[][];
   private readonly labels: HTMLElement[];
+  private readonly stack = h("div", { class: "plot-stack", "aria-hidden": "true" });
+  private readonly hereLine = h("i", { class: "plot-line here", hidden: true });
+  private readonly cursorLine = h("i", { class: "plot-line", hidden: true });
+  private charts: uPlot[] = []; // of the rows that are shown
   private shown: number[]; // the rows, by their places in all
-  private readonly surface: CanvasRenderingContext2D;
-  private readonly overSurface: CanvasRenderingContext2D;
   private readonly resize: ResizeObserver;
   private cursor: number | undefined;
   private unknown = -Infinity; // what was before that time
@@ -110,13 +113,11 @@ export class Plots {
         h("span", { class: "plot-values" }, ...row.traces.map((trace, k) => this.reading(row, trace, this.readings[i]![k]!)))));
     this.element = h("div", { class: "plots", tabindex: 0, role: "slider", "aria-label": words.name, title: words.help,
       on: { keydown: (event: KeyboardEvent) => this.key(event) } },
-      this.canvas, this.over, h("div", { class: "plot-labels" }, ...this.labels));
-    this.surface = this.canvas.getContext("2d")!;
-    this.overSurface = this.over.getContext("2d")!;
-    this.over.addEventListener("pointermove", (event) => this.setCursor(this.timeAt(event.offsetX)));
-    this.over.addEventListener("pointerleave", () => this.setCursor(undefined));
-    this.over.addEventListener("pointerdown", (event) => {
-      const time = this.timeAt(event.offsetX);
+      this.stack, this.hereLine, this.cursorLine, h("div", { class: "plot-labels" }, ...this.labels));
+    this.element.addEventListener("pointermove", (event) => this.setCursor(this.timeAt(event)));
+    this.element.addEventListener("pointerleave", () => this.setCursor(undefined));
+    this.element.addEventListener("pointerdown", (event) => {
+      const time = this.timeAt(event);
       if (time !== undefined) this.onPick(time);
     });
     this.resize = new ResizeObserver(() => this.measure());
@@ -131,6 +132,7 @@ export class Plots {
     this.resize.disconnect();
     this.endTheme();
     cancelAnimationFrame(this.pending);
+    for (const chart of this.charts) chart.destroy();
   }
 
   /** The rows to show, by their places; the others hide. */
@@ -138,7 +140,7 @@ export class Plots {
     if (rows.join() === this.shown.join()) return;
     this.shown = rows;
     this.labels.forEach((label, i) => (label.hidden = !rows.includes(i)));
-    this.draw();
+    this.build();
   }
 
   setFlags(flags: Flag[]): void {
@@ -163,7 +165,7 @@ export class Plots {
   /** The same values of another session, drawn behind in a colour of their own: the first trace of each row. */
   setOther(values: Values | undefined): void {
     this.other = values;
-    this.draw();
+    this.build();
   }
 
   /** The moment that the rest of the page shows; undefined: the newest. */
@@ -224,13 +226,14 @@ export class Plots {
     event.preventDefault();
   }
 
-  private timeAt(x: number): number | undefined {
-    if (x < LABEL) return undefined;
-    return this.from + ((x - LABEL) / (this.wide - LABEL - 8)) * (this.to - this.from);
+  private timeAt({ clientX }: PointerEvent): number | undefined {
+    const x = clientX - this.element.getBoundingClientRect().left - LABELS - SCALE;
+    return x < 0 ? undefined : this.from + (x / this.plotted) * (this.to - this.from);
   }
 
-  private x(time: number): number {
-    return LABEL + ((time - this.from) / (this.to - this.from)) * (this.wide - LABEL - 8);
+  // Width of what is between the axes, px.
+  private get plotted(): number {
+    return Math.max(1, this.wide - LABELS - SCALE - RIGHT);
   }
 
   private measure(): void {
@@ -239,14 +242,8 @@ export class Plots {
     if (wide === this.wide && high === this.high) return;
     this.wide = wide;
     this.high = high;
-    const scale = Math.min(devicePixelRatio, 2);
-    for (const surface of [this.surface, this.overSurface]) {
-      surface.canvas.width = Math.round(wide * scale);
-      surface.canvas.height = Math.round(high * scale);
-      surface.setTransform(scale, 0, 0, scale, 0, 0);
-    }
     this.paintedAt = -Infinity;
-    this.draw();
+    this.build();
   }
 
   private colour(name: string): string {
@@ -255,181 +252,107 @@ export class Plots {
     return found;
   }
 
+  // ---- uPlot -------------------------------------------------------------------------------------------
+
+  private build(): void {
+    for (const chart of this.charts) chart.destroy();
+    this.charts = [];
+    const each = (this.high - TOP - AXIS) / this.shown.length;
+    if (this.plotted > 20 && each > 8) this.charts = this.shown.map((i, place) => new uPlot(this.options(i, place, each), this.dataOf(i), this.stack));
+    this.draw();
+  }
+
+  private options(i: number, place: number, each: number): uPlot.Options {
+    const row = this.all[i]!;
+    const first = place === 0;
+    const last = place === this.shown.length - 1;
+    const line = { stroke: () => this.colour("--line"), width: 1 };
+    const axis: uPlot.Axis = { font: FONT, stroke: () => this.colour("--text-quiet"), ticks: { show: false } };
+    const trace = (colour: string): uPlot.Series => ({
+      stroke: () => this.colour(colour), width: 1.5, points: { show: false }, ...(row.step ? { paths: uPlot.paths.stepped!({ align: 1 }) } : {}),
+    });
+    const clock = (time: number, step: number): string => (step < 1 ? format.tenths(time) : format.clock(time));
+    return {
+      width: this.wide - LABELS, height: Math.floor(each) + (first ? TOP : 0) + (last ? AXIS : 0),
+      padding: [first ? TOP : 4, RIGHT, last ? 0 : 4, 0], legend: { show: false }, cursor: { show: false },
+      scales: { x: { time: false, auto: false }, y: { range: (_, least, most) => this.range(row, least, most) } },
+      series: [{}, ...(this.other ? [trace("--other")] : []), ...row.traces.map(({ colour }) => trace(colour))],
+      axes: [
+        { ...axis, size: last ? AXIS : 0, space: 80, gap: 2, incrs: CLOCK_STEPS, grid: line, values: (_, ticks, __, ___, step) => (last ? ticks.map((time) => clock(time, step)) : ticks.map(() => "")) },
+        { ...axis, size: SCALE, space: 14, gap: 4, grid: { show: false }, values: (_, ticks, __, ___, step) => ticks.map((tick) => format.number(tick, digitsOf(step))) },
+      ],
+      hooks: { drawClear: [(chart) => this.drawUnder(chart, row)], draw: [(chart) => first && this.drawFlags(chart)] },
+    };
+  }
+
+  // What the axis shows: the values in the window, and what it shows at least.
+  private range({ least, most }: PlotRow, low: number | null, high: number | null): [number, number] {
+    const bottom = Math.min(least, low ?? least);
+    const top = Math.max(most, high ?? most);
+    const step = niceStep(top - bottom, 4);
+    return [Math.floor(bottom / step + 1e-6) * step, Math.ceil(top / step - 1e-6) * step];
+  }
+
+  private dataOf(i: number): uPlot.AlignedData {
+    const row = this.all[i]!;
+    const traces = row.traces.map((_, k) => pointsOf(this.values, i, k, row, this.from, this.to));
+    const all = this.other ? [pointsOf(this.other, i, 0, row, this.from, this.to), ...traces] : traces;
+    return all.length === 1 ? all[0]! : uPlot.join(all);
+  }
+
+  private drawUnder({ ctx, bbox, valToPos }: uPlot, { lines = [] }: PlotRow): void {
+    ctx.save();
+    if (this.unknown > this.from) {
+      ctx.fillStyle = this.colour("--raised");
+      ctx.fillRect(bbox.left, bbox.top, valToPos(Math.min(this.unknown, this.to), "x", true) - bbox.left, bbox.height);
+    }
+    ctx.beginPath();
+    ctx.strokeStyle = this.colour("--line-strong");
+    ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
+    for (const line of lines) {
+      const y = Math.round(valToPos(line, "y", true)) + 0.5;
+      ctx.moveTo(bbox.left, y);
+      ctx.lineTo(bbox.left + bbox.width, y);
+    }
+    ctx.stroke();
+    ctx.restore();
+  }
+
+  private drawFlags({ ctx, bbox, valToPos }: uPlot): void {
+    const unit = devicePixelRatio;
+    for (const { time, colour } of this.flags) {
+      if (time < this.from || time > this.to) continue;
+      const x = Math.round(valToPos(time, "x", true)) + 0.5;
+      ctx.fillStyle = this.colour(colour);
+      ctx.beginPath();
+      ctx.moveTo(x - 4 * unit, bbox.top - 11 * unit);
+      ctx.lineTo(x + 4 * unit, bbox.top - 11 * unit);
+      ctx.lineTo(x, bbox.top - 3 * unit);
+      ctx.fill();
+    }
+  }
+
   // What is under the cursor waits where it takes long: a long session that is still coming.
   private paint(now: number): void {
     this.read();
-    if (this.wide <= LABEL + 20 || this.high <= 0) return;
     if (this.stale && now - this.paintedAt >= COST_SHARE * this.costMs) {
       const began = performance.now();
-      this.paintUnder();
+      this.charts.forEach((chart, place) => chart.batch(() => {
+        chart.setData(this.dataOf(this.shown[place]!), false);
+        chart.setScale("x", { min: this.from, max: this.to });
+      }));
       this.stale = false;
       this.paintedAt = now;
       this.costMs = performance.now() - began;
     }
-    this.overSurface.clearRect(0, 0, this.wide, this.high);
-    this.paintLine(this.here, "--accent", 2);
-    this.paintLine(this.cursor, "--text", 1);
+    this.place(this.hereLine, this.here);
+    this.place(this.cursorLine, this.cursor);
     if (this.stale) this.soon();
   }
 
-  private paintUnder(): void {
-    const { surface } = this;
-    surface.clearRect(0, 0, this.wide, this.high);
-    surface.font = "11px system-ui, sans-serif";
-    const each = (this.high - TOP - AXIS) / this.shown.length;
-    this.paintTimes();
-    this.paintUnknown();
-    this.shown.forEach((i, place) => this.paintRow(i, TOP + place * each, each));
-    this.paintFlags();
-  }
-
-  private paintTimes(): void {
-    const { surface } = this;
-    const step = clockStep(this.to - this.from, Math.max(2, (this.wide - LABEL) / 80));
-    surface.fillStyle = this.colour("--text-quiet");
-    surface.strokeStyle = this.colour("--line");
-    surface.lineWidth = 1;
-    surface.textAlign = "center";
-    surface.textBaseline = "alphabetic";
-    surface.beginPath();
-    for (let n = Math.ceil(this.from / step); n * step <= this.to; n++) {
-      const x = Math.round(this.x(n * step)) + 0.5;
-      surface.moveTo(x, TOP);
-      surface.lineTo(x, this.high - AXIS);
-      const words = step < 1 ? format.tenths(n * step) : format.clock(n * step);
-      surface.fillText(words, Math.min(x, this.wide - 2 - surface.measureText(words).width / 2), this.high - 6);
-    }
-    surface.stroke();
-  }
-
-  private paintUnknown(): void {
-    if (this.unknown <= this.from) return;
-    this.surface.fillStyle = this.colour("--raised");
-    this.surface.fillRect(LABEL, TOP, this.x(Math.min(this.unknown, this.to)) - LABEL, this.high - TOP - AXIS);
-  }
-
-  private paintRow(i: number, top: number, high: number): void {
-    const row = this.all[i]!;
-    const { surface } = this;
-    const [least, most] = this.range(i);
-    const y = (value: number): number => top + high - 5 - ((value - least) / (most - least)) * (high - 10);
-    surface.strokeStyle = this.colour("--line");
-    surface.beginPath();
-    surface.moveTo(0, Math.round(top) + 0.5);
-    surface.lineTo(this.wide, Math.round(top) + 0.5);
-    surface.stroke();
-    surface.strokeStyle = this.colour("--line-strong");
-    surface.setLineDash([2, 3]);
-    surface.beginPath();
-    for (const line of row.lines ?? [])
-      if (line >= least && line <= most) {
-        surface.moveTo(LABEL, Math.round(y(line)) + 0.5);
-        surface.lineTo(this.wide - 8, Math.round(y(line)) + 0.5);
-      }
-    surface.stroke();
-    surface.setLineDash([]);
-    this.paintScale(least, most, y, top, high);
-    if (this.other) this.paintTrace(this.other, i, 0, this.colour("--other"), y);
-    row.traces.forEach((trace, k) => this.paintTrace(this.values, i, k, this.colour(trace.colour), y));
-  }
-
-  private paintScale(least: number, most: number, y: (value: number) => number, top: number, high: number): void {
-    const { surface } = this;
-    const room = high - TICK; // between the middles of the first and the last
-    const fine = niceStep(most - least, 4); // both ends are multiples of it
-    const step = Math.max(fine, niceStep(most - least, Math.max(1, Math.floor(room / TICK))));
-    surface.fillStyle = this.colour("--text-quiet");
-    surface.textAlign = "right";
-    surface.textBaseline = "middle";
-    const digits = Math.max(0, Math.min(3, -Math.floor(Math.log10(fine) + 1e-9)));
-    const ticks = [least, most];
-    for (let n = Math.ceil(least / step - 1e-9); n * step <= most + 1e-9; n++) ticks.push(n * step);
-    const places: number[] = [];
-    for (const tick of ticks) {
-      const at = Math.min(Math.max(y(tick), top + TICK / 2), top + TICK / 2 + room);
-      if (places.some((place) => Math.abs(place - at) < TICK - 2)) continue;
-      places.push(at);
-      surface.fillText(format.number(tick, digits), LABEL - 6, at);
-    }
-  }
-
-  // The values in the window, and what the axis shows at least.
-  private range(i: number): [number, number] {
-    const row = this.all[i]!;
-    let { least, most } = row;
-    const widen = (values: Values, k: number): void => {
-      const timeOf = (index: number): number => values.time(i, k, index);
-      const count = values.count(i, k);
-      for (let index = Math.max(0, lastBefore(count, timeOf, this.from)); index < count && timeOf(index) <= this.to; index++) {
-        const value = values.value(i, k, index);
-        if (value < least) least = value;
-        if (value > most) most = value;
-      }
-    };
-    row.traces.forEach((_, k) => widen(this.values, k));
-    if (this.other) widen(this.other, 0);
-    const step = niceStep(most - least, 4);
-    return [Math.floor(least / step + 1e-6) * step, Math.ceil(most / step - 1e-6) * step];
-  }
-
-  private paintTrace(values: Values, i: number, k: number, colour: string, y: (value: number) => number): void {
-    const { surface } = this;
-    const count = values.count(i, k);
-    const timeOf = (index: number): number => values.time(i, k, index);
-    const step = this.all[i]!.step === true;
-    const gap = Math.max(GAP_S, 2 * values.spacing());
-    const line = new Columns(surface, y);
-    let last = NaN; // the value before
-    surface.beginPath();
-    for (let index = Math.max(0, lastBefore(count, timeOf, this.from)); index < count; index++) {
-      const time = timeOf(index);
-      const x = Math.round(this.x(Math.max(time, this.from)));
-      if (step) line.add(x, last);
-      else if (index > 0 && time - timeOf(index - 1) > gap) line.add(x, NaN);
-      line.add(x, (last = values.value(i, k, index)));
-      if (time > this.to) break;
-    }
-    if (step) line.add(Math.round(this.x(Math.min(this.to, values.end()))), last);
-    line.add(0, NaN);
-    surface.save();
-    surface.clip(this.inside());
-    surface.strokeStyle = colour;
-    surface.lineWidth = 1.5;
-    surface.lineJoin = "round";
-    surface.stroke();
-    surface.restore();
-  }
-
-  private inside(): Path2D {
-    const path = new Path2D();
-    path.rect(LABEL, 0, this.wide - LABEL - 8, this.high);
-    return path;
-  }
-
-  private paintFlags(): void {
-    const { surface } = this;
-    for (const { time, colour } of this.flags) {
-      if (time < this.from || time > this.to) continue;
-      const x = Math.round(this.x(time)) + 0.5;
-      surface.fillStyle = this.colour(colour);
-      surface.beginPath();
-      surface.moveTo(x - 4, 3);
-      surface.lineTo(x + 4, 3);
-      surface.lineTo(x, 11);
-      surface.fill();
-    }
-  }
-
-  private paintLine(time: number | undefined, colour: string, width: number): void {
-    if (time === undefined || time < this.from || time > this.to) return;
-    const surface = this.overSurface;
-    const x = Math.round(this.x(time)) + 0.5;
-    surface.strokeStyle = this.colour(colour);
-    surface.lineWidth = width;
-    surface.beginPath();
-    surface.moveTo(x, TOP - 2);
-    surface.lineTo(x, this.high - AXIS);
-    surface.stroke();
+  private place(line: HTMLElement, time: number | undefined): void {
+    line.hidden = time === undefined || time < this.from || time > this.to;
+    if (!line.hidden) line.style.transform = `translateX(${LABELS + SCALE + Math.round(((time! - this.from) / (this.to - this.from)) * this.plotted)}px)`;
   }
 
   // What the cursor, or the moment that is shown, reads.
@@ -454,3 +377,5 @@ export class Plots {
     return this.shown.map((i) => `${this.all[i]!.label} ${this.readings[i]!.map((output) => output.textContent).join(", ")} ${this.all[i]!.unit}`).join("; ");
   }
 }
+
+const digitsOf = (step: number): number => Math.max(0, Math.min(3, -Math.floor(Math.log10(step) + 1e-9)));

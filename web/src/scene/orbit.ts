@@ -1,10 +1,11 @@
-// A camera that goes round a point, with pointer and keys. z is up, as in the patient who stands.
-import { Vector3, type PerspectiveCamera } from "three";
+// A camera that goes round a point, with pointer (three's OrbitControls) and keys. z is up, as in the patient who stands.
+import { MOUSE, Vector3, type PerspectiveCamera } from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 
 export type PresetName = "anterior" | "medial" | "lateral" | "posterior" | "superior" | "inferior";
 export const PRESETS: PresetName[] = ["anterior", "medial", "lateral", "posterior", "superior", "inferior"];
 
-const TURN = 0.0055; // radians for each pixel
+const STILL_PX = 3; // a press that moves no further is a click
 const KEY_TURN = Math.PI / 24;
 const STEEPEST = Math.PI / 2 - 0.001;
 const LEAST_MM = 12;
@@ -24,24 +25,26 @@ export class Orbit {
   onCamera: (state: CameraState) => void = () => {}; // where the eye is, before each picture
   follow: (() => Vector3 | undefined) | undefined;
 
-  private current: CameraState = { azimuth: 0.35, height: 0.3, distance: 260, target: new Vector3(0, 0, -18) };
+  private readonly controls: OrbitControls;
   private animation: { from: CameraState; to: CameraState; began: number } | undefined;
-  private readonly pointers = new Map<number, { x: number; y: number }>();
-  private moved = 0;
+  private pressed: { x: number; y: number } | undefined;
   private readonly ends: (() => void)[] = [];
 
   constructor(private readonly camera: PerspectiveCamera, private readonly element: HTMLElement, private readonly left: boolean) {
-    camera.up.set(0, 0, 1);
+    camera.up.set(0, 0, 1); // before the controls read it
+    this.controls = new OrbitControls(camera, element);
+    Object.assign(this.controls, { minDistance: LEAST_MM, maxDistance: MOST_MM, rotateSpeed: 0.5, zoomSpeed: 3 });
+    this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.PAN, RIGHT: MOUSE.PAN };
+    this.controls.addEventListener("start", () => (this.animation = undefined));
+    this.controls.addEventListener("change", () => this.onChange());
     this.listen("pointerdown", (event) => this.down(event));
-    this.listen("pointermove", (event) => this.move(event));
     this.listen("pointerup", (event) => this.up(event));
-    this.listen("pointercancel", (event) => this.pointers.delete(event.pointerId));
-    this.listen("wheel", (event) => this.wheel(event));
     this.listen("keydown", (event) => this.key(event));
-    this.listen("contextmenu", (event) => event.preventDefault());
+    this.look({ azimuth: 0.35, height: 0.3, distance: 260, target: new Vector3(0, 0, -18) });
   }
 
   close(): void {
+    this.controls.dispose();
     for (const end of this.ends) end();
   }
 
@@ -56,34 +59,47 @@ export class Orbit {
 
   /** Near to what is followed, or back. */
   closeUp(on: boolean): void {
-    const target = (on && this.follow?.()) || this.current.target;
-    this.animateTo({ ...this.current, distance: on ? 70 : 230, target: target.clone() });
+    const target = (on && this.follow?.()) || this.controls.target;
+    this.animateTo({ ...this.state, distance: on ? 70 : 230, target: target.clone() });
   }
 
   /** Looks from there at once. */
-  put({ azimuth, height, distance, target }: CameraState): void {
+  put(state: CameraState): void {
     this.animation = undefined;
-    this.current = { azimuth, height, distance, target: target.clone() };
+    this.look(state);
     this.onChange();
   }
 
   /** Puts the camera where it is now. True while it is on its way. */
   update(now: number): boolean {
+    const target = this.animation ? undefined : this.follow?.();
     if (this.animation) this.advance(now);
-    else {
-      const target = this.follow?.();
-      if (target) this.current.target.lerp(target, 0.25);
-    }
-    const { azimuth, height, distance, target } = this.current;
-    this.camera.position.set(Math.sin(azimuth) * Math.cos(height), Math.cos(azimuth) * Math.cos(height), Math.sin(height));
-    this.camera.position.multiplyScalar(distance).add(target);
-    this.camera.lookAt(target);
-    this.onCamera(this.current);
+    else if (target) this.shift(target.clone().sub(this.controls.target).multiplyScalar(0.25));
+    this.onCamera(this.state);
     return this.animation !== undefined;
   }
 
+  private get state(): CameraState {
+    const { target } = this.controls;
+    const { x, y, z } = this.camera.position.clone().sub(target);
+    return { azimuth: Math.atan2(x, y), height: Math.atan2(z, Math.hypot(x, y)), distance: Math.hypot(x, y, z), target: target.clone() };
+  }
+
+  private look({ azimuth, height, distance, target }: CameraState): void {
+    const steep = Math.min(STEEPEST, Math.max(-STEEPEST, height));
+    this.controls.target.copy(target);
+    this.camera.position.set(Math.sin(azimuth) * Math.cos(steep), Math.cos(azimuth) * Math.cos(steep), Math.sin(steep)).multiplyScalar(distance).add(target);
+    this.controls.update();
+  }
+
+  private shift(by: Vector3): void {
+    this.controls.target.add(by);
+    this.camera.position.add(by);
+    this.controls.update();
+  }
+
   private animateTo(to: CameraState): void {
-    const from = { ...this.current, target: this.current.target.clone() };
+    const from = this.state;
     const turns = Math.round((to.azimuth - from.azimuth) / (2 * Math.PI));
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.animation = { from, to: { ...to, azimuth: to.azimuth - 2 * Math.PI * turns }, began: still ? -Infinity : performance.now() };
@@ -95,25 +111,23 @@ export class Orbit {
     const t = Math.min(1, (now - began) / ANIMATION_MS);
     const s = t * t * (3 - 2 * t);
     const mix = (a: number, b: number): number => a + s * (b - a);
-    this.current = {
+    this.look({
       azimuth: mix(from.azimuth, to.azimuth),
       height: mix(from.height, to.height),
       distance: mix(from.distance, to.distance),
       target: from.target.clone().lerp(to.target, s),
-    };
+    });
     if (t === 1) this.animation = undefined;
   }
 
   private listen<K extends keyof HTMLElementEventMap>(kind: K, listener: (event: HTMLElementEventMap[K]) => void): void {
-    this.element.addEventListener(kind, listener, { passive: false });
+    this.element.addEventListener(kind, listener);
     this.ends.push(() => this.element.removeEventListener(kind, listener));
   }
 
   private turn(x: number, y: number): void {
-    this.animation = undefined;
-    this.current.azimuth += x;
-    this.current.height = Math.min(STEEPEST, Math.max(-STEEPEST, this.current.height + y));
-    this.onChange();
+    const { azimuth, height, ...rest } = this.state;
+    this.put({ ...rest, azimuth: azimuth + x, height: height + y });
   }
 
   // x to the right, y up; mm in the plane through the target.
@@ -121,58 +135,25 @@ export class Orbit {
     this.animation = undefined;
     const right = new Vector3().setFromMatrixColumn(this.camera.matrix, 0);
     const up = new Vector3().setFromMatrixColumn(this.camera.matrix, 1);
-    this.current.target.addScaledVector(right, x).addScaledVector(up, y);
-    this.onChange();
+    this.shift(right.multiplyScalar(x).addScaledVector(up, y));
   }
 
   private zoom(factor: number): void {
-    this.animation = undefined;
-    this.current.distance = Math.min(MOST_MM, Math.max(LEAST_MM, this.current.distance * factor));
-    this.onChange();
-  }
-
-  private mmPerPixel(): number {
-    return (2 * this.current.distance * Math.tan((this.camera.fov * Math.PI) / 360)) / Math.max(1, this.element.clientHeight);
+    const { distance, ...rest } = this.state;
+    this.put({ ...rest, distance: Math.min(MOST_MM, Math.max(LEAST_MM, distance * factor)) });
   }
 
   private down(event: PointerEvent): void {
     this.element.focus({ preventScroll: true });
-    this.element.setPointerCapture(event.pointerId);
-    this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    this.moved = 0;
+    this.pressed = event.button === 0 ? { x: event.clientX, y: event.clientY } : undefined;
   }
 
-  private move(event: PointerEvent): void {
-    const last = this.pointers.get(event.pointerId);
-    if (!last) return;
-    const x = event.clientX - last.x;
-    const y = event.clientY - last.y;
-    this.moved += Math.abs(x) + Math.abs(y);
-    if (this.pointers.size === 2) this.pinch(event, x, y);
-    else if (event.buttons & 6 || event.shiftKey) this.pan(-x * this.mmPerPixel(), y * this.mmPerPixel());
-    else if (this.moved > 3) this.turn(x * TURN, y * TURN);
-    last.x = event.clientX;
-    last.y = event.clientY;
-  }
-
-  private pinch(event: PointerEvent, x: number, y: number): void {
-    const [other] = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
-    const before = Math.hypot(event.clientX - x - other!.x, event.clientY - y - other!.y);
-    const after = Math.hypot(event.clientX - other!.x, event.clientY - other!.y);
-    if (before > 10 && after > 10) this.zoom(before / after);
-    this.pan((-x / 2) * this.mmPerPixel(), (y / 2) * this.mmPerPixel());
-  }
-
-  private up(event: PointerEvent): void {
-    if (this.pointers.delete(event.pointerId) && this.moved <= 3 && event.button === 0) {
-      const box = this.element.getBoundingClientRect();
-      this.onPress((event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height);
-    }
-  }
-
-  private wheel(event: WheelEvent): void {
-    event.preventDefault();
-    this.zoom(Math.exp(Math.sign(event.deltaY) * Math.min(0.25, Math.abs(event.deltaY) * 0.0015)));
+  private up({ clientX, clientY }: PointerEvent): void {
+    const { pressed } = this;
+    this.pressed = undefined;
+    if (!pressed || Math.hypot(clientX - pressed.x, clientY - pressed.y) > STILL_PX) return;
+    const box = this.element.getBoundingClientRect();
+    this.onPress((clientX - box.left) / box.width, (clientY - box.top) / box.height);
   }
 
   private key(event: KeyboardEvent): void {

@@ -7,6 +7,7 @@ import type { StationState } from "../src/live";
 import { sentence } from "../src/text";
 import { parseRoute, routeTo } from "../src/router";
 import { CaseCache } from "../src/views/wall_cases";
+import { readParts } from "../src/scene/gltf";
 import { kneeParts, normalsOf, thin, type Case } from "../src/views/wall_knee";
 import { arrange, byUrgency, certificateWarning, grouped, isAbsent, quietFor, runningSeconds, short, statusOf, sumOfDevices, warningOf } from "../src/views/wall_model";
 
@@ -140,16 +141,22 @@ test("a thinned surface stays near what it was, and is smaller", () => {
 // A triangle in a node, with a target beside another one.
 function glb(): ArrayBuffer {
   const json = JSON.stringify({
+    asset: { version: "2.0" }, scene: 0, scenes: [{ nodes: [0] }], buffers: [{ byteLength: 80 }],
     nodes: [{ name: "tibia", mesh: 0 }],
     meshes: [{ primitives: [{ attributes: { POSITION: 0 }, indices: 2, targets: [{ POSITION: 0 }, { POSITION: 1 }] }], extras: { targetNames: ["maxcut", "warp"] } }],
-    accessors: [{ bufferView: 0, componentType: 5126, count: 3 }, { bufferView: 1, componentType: 5126, count: 3 }, { bufferView: 2, componentType: 5123, count: 3 }],
-    bufferViews: [{ byteOffset: 0 }, { byteOffset: 36 }, { byteOffset: 72 }],
+    accessors: ["VEC3", "VEC3", "SCALAR"].map((type, bufferView) => ({ bufferView, type, componentType: type === "SCALAR" ? 5123 : 5126, count: 3 })),
+    bufferViews: [[0, 36], [36, 36], [72, 6]].map(([byteOffset, byteLength]) => ({ buffer: 0, byteOffset, byteLength })),
   });
   const padded = new TextEncoder().encode(json.padEnd(Math.ceil(json.length / 4) * 4));
   const buffer = new ArrayBuffer(20 + padded.length + 8 + 80);
   const view = new DataView(buffer);
   view.setUint32(0, 0x46546c67, true);
+  view.setUint32(4, 2, true);
+  view.setUint32(8, buffer.byteLength, true);
   view.setUint32(12, padded.length, true);
+  view.setUint32(16, 0x4e4f534a, true);
+  view.setUint32(20 + padded.length, 80, true);
+  view.setUint32(24 + padded.length, 0x004e4942, true);
   new Uint8Array(buffer, 20).set(padded);
   const data = 20 + padded.length + 8;
   [0, 0, 0, 0.01, 0, 0, 0, 0.02, 0].forEach((value, i) => view.setFloat32(data + 4 * i, value, true));
@@ -161,20 +168,21 @@ function glb(): ArrayBuffer {
 const groupOf = (name: string, tissue: string, own_colour = false): Case["groups"][number] =>
   ({ name, body: name === "skin" ? "femur" : name, tissue, cuttable: tissue === "synovium", colour: "#0a0b0c", own_colour });
 
-test("a knee is shown as the patient has it", () => {
-  const [part, ...others] = kneeParts({ groups: [groupOf("tibia", "cartilage", true), groupOf("skin", "skin")] }, glb(), 1);
+test("a knee is shown as the patient has it", async () => {
+  const meshes = await readParts(glb());
+  const [part, ...others] = kneeParts({ groups: [groupOf("tibia", "cartilage", true), groupOf("skin", "skin")] }, meshes, 1);
   assert.equal(others.length, 0);
   assert.deepEqual([part!.body, part!.kind, part!.colour], [1, "bone", 0x0a0b0c]);
   assert.deepEqual([...part!.positions].map((mm) => Math.round(mm)), [0, 0, 3, 10, 0, 3, 0, 20, 3]);
   assert.deepEqual([...part!.normals], [0, 0, 1, 0, 0, 1, 0, 0, 1]);
-  const kinds = ["bone", "meniscus", "ligament", "synovium", "other"].map((tissue) => kneeParts({ groups: [groupOf("tibia", tissue)] }, glb(), 1)[0]!.kind);
+  const kinds = ["bone", "meniscus", "ligament", "synovium", "other"].map((tissue) => kneeParts({ groups: [groupOf("tibia", tissue)] }, meshes, 1)[0]!.kind);
   assert.deepEqual(kinds, ["bone", "meniscus", "ligament", "meniscus", "ligament"]);
-  assert.throws(() => kneeParts({ groups: [groupOf("femur", "bone")] }, glb(), 1), /femur has no mesh/);
+  assert.throws(() => kneeParts({ groups: [groupOf("femur", "bone")] }, meshes, 1), /femur has no mesh/);
 });
 
-test("bytes that are no case are refused", () => {
-  assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(4), 6), /no binary glTF/);
-  assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(64), 6), /no binary glTF/);
+test("bytes that are no case are refused", async () => {
+  await assert.rejects(() => readParts(new ArrayBuffer(4)));
+  await assert.rejects(() => readParts(new ArrayBuffer(64)));
 });
 
 // A server whose cases the test changes.

@@ -1,13 +1,10 @@
 // A case as the page has it: the surfaces of the mock-up (S) and of the patient (S'), in millimetres and
 // each in the frame of its body, from case.json and anatomy.glb (docs/ARCHITECTURE.md, A case).
-import { BufferGeometry, Mesh, type BufferAttribute, type InterleavedBufferAttribute } from "three";
 import { CaseGroup_Kind, type CaseGroup } from "wire";
-import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
-
 import { groupOf, type Groups } from "../groups";
+import { readParts, type GltfPart } from "./gltf";
 
 const BODY_NAMES = ["femur", "tibia", "patella"];
-const MM_PER_M = 1000;
 
 export type Plane = [x: number, y: number, z: number, offset: number]; // inside: n·p <= offset
 
@@ -76,58 +73,34 @@ async function fetchKnee(name: string, groups: Groups): Promise<Knee> {
   return readKnee(manifest, bytes, groups);
 }
 
-type Attribute = BufferAttribute | InterleavedBufferAttribute;
-
-interface Part {
-  name: string;
-  geometry: BufferGeometry;
-  warp: Attribute | undefined;
-}
-
 export async function readKnee(manifest: Manifest, anatomy: ArrayBuffer, groups: Groups): Promise<Knee> {
-  const { scene } = await new GLTFLoader().parseAsync(anatomy, "");
-  const parts = new Map<string, Part[]>();
-  scene.traverse((node) => {
-    if (!(node instanceof Mesh)) return;
-    const name: string = node.userData.name ?? node.parent?.userData.name ?? ""; // node.name has lost its /
-    const group = name.split("/")[0]!;
-    const geometry = node.geometry as BufferGeometry;
-    const warp = geometry.morphAttributes.position?.[node.morphTargetDictionary?.warp ?? -1];
-    parts.set(group, [...(parts.get(group) ?? []), { name, geometry, warp }]);
-  });
+  const parts = await readParts(anatomy);
   return {
     name: manifest.name,
     title: manifest.title ?? manifest.name,
     left: manifest.side === "left",
     portals: manifest.portals ?? [],
-    groups: manifest.groups.map((group) => readGroup(group, parts.get(group.name) ?? [], groupOf(groups, group.name))),
+    groups: manifest.groups.map((group) => readGroup(group, parts.filter((part) => part.group === group.name), groupOf(groups, group.name))),
   };
 }
 
-function readGroup(group: Manifest["groups"][number], parts: Part[], about: CaseGroup): Group {
+function readGroup(group: Manifest["groups"][number], parts: GltfPart[], about: CaseGroup): Group {
   if (!parts.length) throw new CaseError(`anatomy.glb has no ${group.name}`);
-  const count = parts.reduce((sum, { geometry }) => sum + geometry.getAttribute("position").count, 0);
+  const count = parts.reduce((sum, { otherShare }) => sum + otherShare.length, 0);
   const physical = new Float32Array(3 * count);
   const virtual = new Float32Array(3 * count);
   const share = new Float32Array(count);
   const cartilage = new Uint8Array(count);
-  const triangles = new Uint32Array(parts.reduce((sum, { geometry }) => sum + (geometry.index?.count ?? 0), 0));
+  const triangles = new Uint32Array(parts.reduce((sum, part) => sum + part.triangles.length, 0));
   let first = 0;
   let corner = 0;
-  for (const { name, geometry, warp } of parts) {
-    const position = geometry.getAttribute("position");
-    const other = geometry.getAttribute("_other_share") as Attribute | undefined;
-    for (let i = 0; i < position.count; i++) {
-      for (let k = 0; k < 3; k++) {
-        const at = 3 * (first + i) + k;
-        physical[at] = MM_PER_M * position.getComponent(i, k);
-        virtual[at] = physical[at]! + (warp ? MM_PER_M * warp.getComponent(i, k) : 0);
-      }
-      share[first + i] = other?.getX(i) ?? 0;
-    }
-    if (about.kind === CaseGroup_Kind.BONE && name.includes("cartilage")) cartilage.fill(1, first, first + position.count);
-    for (const vertex of geometry.index?.array ?? []) triangles[corner++] = vertex + first;
-    first += position.count;
+  for (const part of parts) {
+    physical.set(part.physical, 3 * first);
+    virtual.set(part.virtual, 3 * first);
+    share.set(part.otherShare, first);
+    if (about.kind === CaseGroup_Kind.BONE && part.name.includes("cartilage")) cartilage.fill(1, first, first + part.otherShare.length);
+    for (const vertex of part.triangles) triangles[corner++] = vertex + first;
+    first += part.otherShare.length;
   }
   const surface = withNormals(physical, triangles);
   return {

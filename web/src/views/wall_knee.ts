@@ -1,4 +1,5 @@
 // A case's bones, menisci and ligaments as fewer triangles, for small pictures: no DOM.
+import type { GltfPart } from "../scene/gltf";
 
 type Kind = "bone" | "meniscus" | "ligament";
 
@@ -12,19 +13,6 @@ export interface Part {
   triangles: Uint32Array;
 }
 
-interface Primitive {
-  attributes: { POSITION: number };
-  indices: number;
-  targets?: { POSITION?: number }[];
-}
-
-interface Gltf {
-  nodes: { name?: string; mesh?: number }[];
-  meshes: { primitives: Primitive[]; extras?: { targetNames?: string[] } }[];
-  accessors: { bufferView?: number; byteOffset?: number; componentType: number; count: number }[];
-  bufferViews: { byteOffset?: number; byteStride?: number }[];
-}
-
 /** As the server tells it. */
 export interface Case {
   groups: { name: string; body: string; tissue: string; cuttable: boolean; colour: string; own_colour: boolean }[];
@@ -32,63 +20,22 @@ export interface Case {
 
 const KINDS: Record<string, Kind> = { bone: "bone", cartilage: "bone", meniscus: "meniscus" };
 const BODIES = ["femur", "tibia", "patella"];
-const MM_PER_M = 1000;
-const MAGIC = 0x46546c67;
 
-/** As coarse as `cell` mm. Throws where the bytes are no binary glTF with the case's groups. */
-export function kneeParts({ groups }: Case, glb: ArrayBuffer, cell: number): Part[] {
-  const bytes = new DataView(glb);
-  if (glb.byteLength < 20 || bytes.getUint32(0, true) !== MAGIC) throw new Error("no binary glTF");
-  const jsonSize = bytes.getUint32(12, true);
-  const gltf = JSON.parse(new TextDecoder().decode(new Uint8Array(glb, 20, jsonSize))) as Gltf;
-  const read = new Reader(gltf, glb, 20 + jsonSize + 8);
-  const parts: Part[] = [];
-  for (const { name, body: bodyName, tissue, cuttable, colour, own_colour } of groups) {
+/** As coarse as `cell` mm. Throws where a group of the case has no mesh. */
+export function kneeParts({ groups }: Case, meshes: readonly GltfPart[], cell: number): Part[] {
+  return groups.flatMap(({ name, body: bodyName, tissue, cuttable, colour, own_colour }) => {
     const body = BODIES.indexOf(bodyName);
-    if (body < 0 || tissue === "skin") continue;
-    const kind = KINDS[tissue] ?? (cuttable ? "meniscus" : "ligament");
-    const nodes = gltf.nodes.filter((node) => node.name?.split("/")[0] === name && node.mesh !== undefined);
-    if (!nodes.length) throw new Error(`${name} has no mesh`);
-    for (const { mesh } of nodes)
-      for (const primitive of gltf.meshes[mesh!]!.primitives) {
-        const warp = primitive.targets?.[gltf.meshes[mesh!]!.extras?.targetNames?.indexOf("warp") ?? -1]?.POSITION;
-        const { positions, triangles } = thin(read.virtual(primitive.attributes.POSITION, warp), read.indices(primitive.indices), cell);
-        parts.push({ body, kind, colour: own_colour ? parseInt(colour.slice(1), 16) : undefined, positions, triangles, normals: normalsOf(positions, triangles) });
-      }
-  }
-  return parts;
-}
-
-class Reader {
-  constructor(private readonly gltf: Gltf, private readonly glb: ArrayBuffer, private readonly data: number) {}
-
-  /** The physical surface and how far the patient's is from it. */
-  virtual(physical: number, warp: number | undefined): Float32Array {
-    const out = this.vectors(physical);
-    if (warp === undefined || this.gltf.accessors[warp]!.bufferView === undefined) return out;
-    this.vectors(warp).forEach((offset, i) => (out[i]! += offset));
-    return out;
-  }
-
-  private view(index: number): { at: number; stride: number | undefined; count: number; wide: boolean } {
-    const { bufferView, byteOffset = 0, componentType, count } = this.gltf.accessors[index]!;
-    const { byteOffset: start = 0, byteStride } = this.gltf.bufferViews[bufferView!]!;
-    return { at: this.data + start + byteOffset, stride: byteStride, count, wide: componentType === 5125 };
-  }
-
-  private vectors(index: number): Float32Array {
-    const { at, stride = 12, count } = this.view(index);
-    const bytes = new DataView(this.glb, at);
-    const out = new Float32Array(3 * count);
-    for (let i = 0; i < out.length; i++) out[i] = MM_PER_M * bytes.getFloat32(Math.floor(i / 3) * stride + (i % 3) * 4, true);
-    return out;
-  }
-
-  indices(index: number): Uint32Array {
-    const { at, count, wide } = this.view(index);
-    const bytes = new DataView(this.glb, at);
-    return Uint32Array.from({ length: count }, (_, i) => (wide ? bytes.getUint32(4 * i, true) : bytes.getUint16(2 * i, true)));
-  }
+    if (body < 0 || tissue === "skin") return [];
+    const of = meshes.filter(({ group }) => group === name);
+    if (!of.length) throw new Error(`${name} has no mesh`);
+    return of.map((mesh): Part => {
+      const { positions, triangles } = thin(mesh.virtual, mesh.triangles, cell);
+      return {
+        body, kind: KINDS[tissue] ?? (cuttable ? "meniscus" : "ligament"), colour: own_colour ? parseInt(colour.slice(1), 16) : undefined,
+        positions, triangles, normals: normalsOf(positions, triangles),
+      };
+    });
+  });
 }
 
 /** One vertex for each cell that has some, at their mean; triangles with three different ones stay. */

@@ -1,6 +1,6 @@
 // Small pictures of all stations at once: one canvas over the cards, a scissor rectangle for each. Each shows
 // what the arthroscope sees, or the knee from outside where there is none. Menisci are as before any cut. Plain
-// WebGL, so that the wall needs no 3-D library.
+// WebGL: many small pictures of coarse surfaces are one canvas.
 import { Validity, type Moment, type ShortPose } from "wire";
 import { part } from "../api";
 import { drawnBySoftware } from "../graphics";
@@ -95,8 +95,9 @@ async function loadParts(name: string): Promise<Parts> {
   const base = `/api/v1/cases/${part(name)}`;
   const [told, glb] = await Promise.all([getJson<{ case: Case }>(base), fetch(`${base}/anatomy.glb`)]);
   if (!glb.ok) throw new Error(`${name}: ${glb.status}`);
-  const bytes = await glb.arrayBuffer();
-  return (cell) => kneeParts(told.case, bytes, cell);
+  const { readParts } = await import("../scene/gltf"); // with three, which the cards need not wait for
+  const meshes = await readParts(await glb.arrayBuffer());
+  return (cell) => kneeParts(told.case, meshes, cell);
 }
 
 type Matrix = Float32Array; // 4 x 4, column by column

@@ -46,7 +46,8 @@ const LABELS = 172; // px, left of the plots: what the rows are of
 const SCALE = 32; // and the figures of their axes
 const AXIS = 20; // below
 const TOP = 14; // for flags
-const RIGHT = 8;
+const RIGHT = 16; // so that the last time has room
+const EDGE = 6; // and the first and the last figure of an axis
 const FONT = "11px system-ui, sans-serif";
 const CLOCK_STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600, 7200]; // s
 const COST_SHARE = 6; // a picture that takes so long is drawn again after so many times that
@@ -274,7 +275,7 @@ export class Plots {
     const clock = (time: number, step: number): string => (step < 1 ? format.tenths(time) : format.clock(time));
     return {
       width: this.wide - LABELS, height: Math.floor(each) + (first ? TOP : 0) + (last ? AXIS : 0),
-      padding: [first ? TOP : 4, RIGHT, last ? 0 : 4, 0], legend: { show: false }, cursor: { show: false },
+      padding: [first ? TOP : EDGE, RIGHT, last ? 0 : EDGE, 0], legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false, auto: false }, y: { range: (_, least, most) => this.range(row, least, most) } },
       series: [{}, ...(this.other ? [trace("--other")] : []), ...row.traces.map(({ colour }) => trace(colour))],
       axes: [

@@ -2,6 +2,7 @@
 // those of one page one after the other, on a few threads, since an undo or a copy may take long.
 #include "base/check.h"
 #include "live/viewer.h"
+#include "runtime/reply.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,7 +21,7 @@ static struct parcel *answer(struct page_command *c) {
     c->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
     arthron_CommandReply *reply = &c->item.message.command_reply;
     if (c->refusal)
-        snprintf(reply->text, sizeof reply->text, "%s", c->refusal);
+        reply_refuse_as(reply, arthron_Why_Code_NOT_ALLOWED, NULL, "%s", c->refusal);
     else
         sessions_command(c->live->sessions, c->actor, &c->command, reply);
     struct parcel *parcel = parcel_of(&c->item, c->number);

@@ -108,7 +108,9 @@ static void leave_meshes(struct viewer *viewer) {
 
 // Only for one who may see the session: places for meshes are few.
 static void follow_its_meshes(struct live_server *live, struct viewer *viewer) {
+    char most[12];
     int watching = 0;
+    snprintf(most, sizeof most, "%d", MESH_SUBSCRIBERS_MAX);
     if (!viewer->watch.meshes || viewer->mailbox)
         return;
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
@@ -117,7 +119,7 @@ static void follow_its_meshes(struct live_server *live, struct viewer *viewer) {
     if (watching < MESH_SUBSCRIBERS_MAX)
         viewer->mailbox = mailbox_create(live_news, live);
     else
-        viewer_trouble(viewer, arthron_Trouble_Kind_NOTE,
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOTE, arthron_Why_Code_MESHES_FULL, most,
                        "%d pages follow the meshes of %s already: this one gets none",
                        MESH_SUBSCRIBERS_MAX, viewer->watch.station);
 }
@@ -161,8 +163,8 @@ static bool may_see(const struct viewer *viewer, const struct session_about *abo
 }
 
 void follow_bar(struct viewer *viewer, const char *station) {
-    viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE, "there is no session of yours at %s",
-                   station);
+    viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE, arthron_Why_Code_NOT_YOURS, station,
+                   "there is no session of yours at %s", station);
 }
 
 // A new session, from its first step on: then its cut worker knows of it, too.

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "live/playback.h"
 #include "live/viewer.h"
+#include "runtime/reply.h"
 #include "sessions/fork.h"
 #include "trace/catalogue.h"
 
@@ -72,9 +73,11 @@ struct parcel *parcel_of(const arthron_Live *item, uint32_t viewer_number) {
 
 // ---- viewers ------------------------------------------------------------------------------------
 
-void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, const char *format, ...) {
+void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, arthron_Why_Code code,
+                    const char *parameter, const char *format, ...) {
     va_list args;
     viewer->trouble_kind = kind;
+    reply_why(code, parameter, &viewer->trouble_why);
     va_start(args, format);
     vsnprintf(viewer->trouble, sizeof viewer->trouble, format, args);
     va_end(args);
@@ -138,8 +141,9 @@ static bool watch_station(struct live_server *live, struct viewer *viewer) {
     if (viewer->station >= 0)
         return true;
     if (is_staff(viewer))
-        viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
-                       "there is no station %s in the server's config", watch->station);
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE, arthron_Why_Code_NO_STATION,
+                       watch->station, "there is no station %s in the server's config",
+                       watch->station);
     else
         follow_bar(viewer, watch->station);
     return false;
@@ -151,7 +155,7 @@ static bool watch_recorded(struct live_server *live, struct viewer *viewer) {
         playback_start(viewer->playback);
         return true;
     }
-    viewer_trouble(viewer, arthron_Trouble_Kind_FAILED,
+    viewer_trouble(viewer, arthron_Trouble_Kind_FAILED, arthron_Why_Code_TOO_MANY_RECORDS, NULL,
                    "you play as many recorded sessions as you may: close one of them");
     return false;
 }
@@ -165,7 +169,7 @@ static void take_watch(struct live_server *live, struct viewer *viewer,
     memset(viewer->sent, 0, sizeof viewer->sent);
     bool good = true;
     if (watch->what == arthron_Watch_What_WALL && !is_staff(viewer)) {
-        viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE, arthron_Why_Code_NOT_ALLOWED, NULL,
                        "the wall is for instructors and technicians");
         good = false;
     } else if (watch->what == arthron_Watch_What_STATION) {
@@ -236,6 +240,8 @@ static void tell_trouble(struct live_server *live, struct viewer *viewer,
     live->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
     memcpy(live->item.message.trouble.text, viewer->trouble, sizeof viewer->trouble);
     live->item.message.trouble.kind = viewer->trouble_kind;
+    live->item.message.trouble.has_why = true;
+    live->item.message.trouble.why = viewer->trouble_why;
     bool told = batch_say(batch, &live->item);
     if (told && viewer->trouble_kind == arthron_Trouble_Kind_FAILED) { // of a record
         live->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
@@ -257,7 +263,8 @@ static void tell_answers(struct viewer *viewer, struct live_batch *batch) {
         ring_pop(viewer->answers, &parcel);
         if (parcel->viewer_number == viewer->number) {
             if (!batch_put(batch, parcel->bytes, parcel->size))
-                viewer_trouble(viewer, arthron_Trouble_Kind_NOTE, "the answer was too long");
+                viewer_trouble(viewer, arthron_Trouble_Kind_NOTE, arthron_Why_Code_TOO_LONG, NULL,
+                               "the answer was too long");
             viewer->asked--;
         }
         free(parcel);

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "live/replay_stream.h"
+#include "runtime/reply.h"
 
 #include <stddef.h>
 #include <stdio.h>
@@ -166,16 +167,20 @@ static bool say_mesh(void *user, const struct mesh_payload *payload) {
     return send(p);
 }
 
-static void tell(struct playback *p, arthron_Trouble_Kind kind, const char *trouble) {
+static void tell(struct playback *p, arthron_Trouble_Kind kind, arthron_Why_Code code,
+                 const char *trouble) {
     p->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
     p->item.message.trouble.kind = kind;
+    p->item.message.trouble.has_why = true;
+    reply_why(code, NULL, &p->item.message.trouble.why);
     snprintf(p->item.message.trouble.text, sizeof p->item.message.trouble.text, "%.255s", trouble);
     if (say(p, &p->item))
         send(p);
 }
 
-static void fail_with(struct playback *p, arthron_Trouble_Kind kind, const char *why) {
-    tell(p, kind, why);
+static void fail_with(struct playback *p, arthron_Trouble_Kind kind, arthron_Why_Code code,
+                      const char *why) {
+    tell(p, kind, code, why);
     p->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
     p->item.message.progress.done = true;
     say(p, &p->item);
@@ -196,7 +201,7 @@ static enum result play(struct playback *p, struct error *err) {
 static void give_up(struct playback *p) {
     p->batch.used = 0;
     p->last = true;
-    fail_with(p, arthron_Trouble_Kind_FAILED,
+    fail_with(p, arthron_Trouble_Kind_FAILED, arthron_Why_Code_TOO_SLOW,
               "this page took too little for long, and others wait: open it again");
 }
 
@@ -206,9 +211,10 @@ static void run_one(struct playback *p) {
         return;
     enum result result = play(p, &err);
     if (result == RESULT_REFUSED)
-        fail_with(p, arthron_Trouble_Kind_NOT_THERE, err.text);
+        fail_with(p, arthron_Trouble_Kind_NOT_THERE, arthron_Why_Code_NOT_YOURS, err.text);
     else if (result != RESULT_OK && result != RESULT_CLOSED)
-        fail_with(p, arthron_Trouble_Kind_FAILED, error_without_folder(err.text));
+        fail_with(p, arthron_Trouble_Kind_FAILED, arthron_Why_Code_UNSAID,
+                  error_without_folder(err.text));
     else if (result == RESULT_OK)
         send(p);
     else
@@ -233,7 +239,7 @@ static int64_t run(void *data) {
 void playback_start(struct playback *p) {
     struct live_server *live = p->live;
     if (turns_are_busy(&live->turns, &p->turn.account))
-        tell(p, arthron_Trouble_Kind_NOTE,
+        tell(p, arthron_Trouble_Kind_NOTE, arthron_Why_Code_WAITS,
              "other recorded sessions are being played: this one waits");
     turns_add(&live->turns, &hold(p)->turn);
     if (atomic_load(&live->playbacks_called) == PLAYBACK_THREADS)

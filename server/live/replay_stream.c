@@ -124,9 +124,12 @@ static void say_session(struct replay_stream *f, const char *path) {
     say(f);
 }
 
-static void say_trouble(struct replay_stream *f, arthron_Trouble_Kind kind, const char *text) {
+static void say_trouble(struct replay_stream *f, arthron_Trouble_Kind kind, arthron_Why_Code code,
+                        const char *text) {
     arthron_Trouble *out = &begin_item(f, arthron_Live_trouble_tag)->message.trouble;
     out->kind = kind;
+    out->has_why = true;
+    reply_why(code, NULL, &out->why);
     snprintf(out->text, sizeof out->text, "%.255s", text);
     say(f);
 }
@@ -274,10 +277,10 @@ static void show_marker(struct replay_stream *f, const struct marker *marker) {
 
 static void show_gap(struct replay_stream *f) {
     if (!f->gap && f->own_case)
-        say_trouble(f, arthron_Trouble_Kind_NOTE,
+        say_trouble(f, arthron_Trouble_Kind_NOTE, arthron_Why_Code_STEPS_MISSING,
                     "steps are missing in its trace: the meshes stay as they were before");
     else if (!f->gap)
-        say_trouble(f, arthron_Trouble_Kind_NOTE,
+        say_trouble(f, arthron_Trouble_Kind_NOTE, arthron_Why_Code_STEPS_MISSING_ELSEWHERE,
                     "steps are missing in its trace: on another case it ends here");
     f->gap = true;
 }
@@ -321,7 +324,8 @@ static bool on_record(void *user, const struct trace_record *record) {
 // A session that goes on, or whose server was killed, has no end.
 static void show_end(struct replay_stream *f, enum result end, const struct error *why) {
     if (end != RESULT_CLOSED && end != RESULT_MISSING)
-        say_trouble(f, arthron_Trouble_Kind_FAILED, error_without_folder(why->text));
+        say_trouble(f, arthron_Trouble_Kind_FAILED, arthron_Why_Code_UNSAID,
+                    error_without_folder(why->text));
     reply_metrics(&f->metrics, scene_case(f->scene),
                   &begin_item(f, arthron_Live_metrics_tag)->message.metrics);
     say(f);

@@ -86,6 +86,7 @@ struct viewer {
     enum store_role role; // ROLE_COUNT: none
     char trouble[256];    // not sent yet
     arthron_Trouble_Kind trouble_kind;
+    arthron_Why trouble_why;
     int64_t told_ns;      // when it last got a batch
     struct ring *answers; // of struct parcel *, from a thread of its commands
     int asked;            // unanswered commands
@@ -143,8 +144,10 @@ static inline bool is_staff(const struct viewer *viewer) {
     return viewer->role == ROLE_INSTRUCTOR || viewer->role == ROLE_TECHNICIAN;
 }
 
-void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
+// `parameter` of the code, or NULL.
+void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, arthron_Why_Code code,
+                    const char *parameter, const char *format, ...)
+    __attribute__((format(printf, 5, 6)));
 
 // ---- snapshot_cache.c: for the web server's thread ----
 

@@ -1,5 +1,6 @@
 #include "runtime/reply.h"
 
+#include "base/check.h"
 #include "metrics/subject.h"
 
 #include <math.h>
@@ -185,10 +186,33 @@ void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
     metrics_each(metrics, knee, take_metric, &message);
 }
 
+void reply_why(arthron_Why_Code code, const char *parameter, arthron_Why *out) {
+    *out = (arthron_Why){.code = code, .parameters_count = parameter != NULL};
+    if (parameter)
+        snprintf(out->parameters[0], sizeof out->parameters[0], "%s", parameter);
+}
+
+void reply_why_also(const char *parameter, arthron_Why *why) {
+    CHECK(why->parameters_count < sizeof why->parameters / sizeof *why->parameters);
+    snprintf(why->parameters[why->parameters_count++], sizeof *why->parameters, "%s", parameter);
+}
+
 bool reply_refuse(arthron_CommandReply *reply, const char *format, ...) {
     va_list args;
     va_start(args, format);
     vsnprintf(reply->text, sizeof reply->text, format, args);
     va_end(args);
+    reply->has_why = false;
+    return reply->ok = false;
+}
+
+bool reply_refuse_as(arthron_CommandReply *reply, arthron_Why_Code code, const char *parameter,
+                     const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(reply->text, sizeof reply->text, format, args);
+    va_end(args);
+    reply->has_why = true;
+    reply_why(code, parameter, &reply->why);
     return reply->ok = false;
 }

@@ -27,6 +27,16 @@ void reply_resection(const struct tissue_figures *figures, const char *group, ui
 void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
                    arthron_Metrics *out_metrics);
 
+// A code and the one parameter that it has, or none (NULL), cut to its length.
+void reply_why(arthron_Why_Code code, const char *parameter, arthron_Why *out);
+
+// A second one.
+void reply_why_also(const char *parameter, arthron_Why *why);
+
 // Sets the reason why a command is refused. Returns false.
 bool reply_refuse(arthron_CommandReply *reply, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
+
+// The same with a code for programs, and its parameter or NULL.
+bool reply_refuse_as(arthron_CommandReply *reply, arthron_Why_Code code, const char *parameter,
+                     const char *format, ...) __attribute__((format(printf, 4, 5)));

@@ -23,8 +23,8 @@
 
 static bool refuse_nothing_to_undo(const struct sessions *s, int station,
                                    arthron_CommandReply *reply) {
-    return reply_refuse(reply, "station %s: there is no cut to be undone",
-                        station_name(s, station));
+    return reply_refuse_as(reply, arthron_Why_Code_NO_CUT, NULL,
+                           "station %s: there is no cut to be undone", station_name(s, station));
 }
 
 static bool ask_for_undo(struct sessions *s, int station, arthron_CommandReply *reply) {
@@ -36,16 +36,18 @@ static bool ask_for_undo(struct sessions *s, int station, arthron_CommandReply *
     if (!scene_tissue_count(s->scenes[status.about.scene])) // no job would come
         return refuse_nothing_to_undo(s, station, reply);
     if (!station_slot_begin_undo(slot, &ticket))
-        return reply_refuse(reply, "station %s: an undo is on its way", station_name(s, station));
+        return reply_refuse_as(reply, arthron_Why_Code_UNDO_RUNS, NULL,
+                               "station %s: an undo is on its way", station_name(s, station));
     bool answered = runtime_input(s->runtime, station, INPUT_UNDO, ticket) &&
                     station_slot_wait_taken(slot, ticket, clock_now_ns() + TICKET_WAIT_NS, &done);
     if (answered && done)
         return reply->ok = true;
     station_slot_cancel_undo(slot);
-    return reply_refuse(reply,
-                        answered ? "station %s: an undo is on its way, or its session ended"
-                                 : "station %s: its worker is too busy",
-                        station_name(s, station));
+    return reply_refuse_as(reply, answered ? arthron_Why_Code_UNDO_RUNS : arthron_Why_Code_BUSY,
+                           NULL,
+                           answered ? "station %s: an undo is on its way, or its session ended"
+                                    : "station %s: its worker is too busy",
+                           station_name(s, station));
 }
 
 // Without the command lock: the session can be paused or stopped meanwhile.
@@ -56,11 +58,12 @@ static void wait_for_undo(struct sessions *s, int station, arthron_CommandReply 
     if (answered && undone.outcome == JOB_NOTHING)
         refuse_nothing_to_undo(s, station, reply);
     else if (!answered && sessions_are_ending(s))
-        reply_refuse(reply, "station %s: the server ends", station_name(s, station));
+        reply_refuse_as(reply, arthron_Why_Code_ENDING, NULL, "station %s: the server ends",
+                        station_name(s, station));
     else if (!answered)
-        reply_refuse(reply,
-                     "station %s: its session ended, or is too busy to undo a stroke in %d s",
-                     station_name(s, station), UNDO_WAIT_S);
+        reply_refuse_as(reply, arthron_Why_Code_UNDO_TOO_LONG, NULL,
+                        "station %s: its session ended, or is too busy to undo a stroke in %d s",
+                        station_name(s, station), UNDO_WAIT_S);
     reply->has_undone = reply->ok;
     reply->undone.cuts = undone.cuts;
     reply->undone.volume_mm3 = undone.volume_mm3;
@@ -75,9 +78,11 @@ static bool change_case(struct sessions *s, int station, const arthron_Command *
     struct error unfit;
     int scene = sessions_find_case(&s->config, command->case_name);
     if (scene < 0)
-        return reply_refuse(reply, "there is no case %s", command->case_name);
+        return reply_refuse_as(reply, arthron_Why_Code_NO_CASE, command->case_name,
+                               "there is no case %s", command->case_name);
     if (command->has_strength && !(command->strength >= 0 && command->strength <= 1))
-        return reply_refuse(reply, "the strength of a warp is from 0 to 1");
+        return reply_refuse_as(reply, arthron_Why_Code_WRONG_STRENGTH, NULL,
+                               "the strength of a warp is from 0 to 1");
     grades_refresh(s->grades);
     if (grades_allow(s->grades, scene, &unfit) != RESULT_OK)
         return reply_refuse(reply, "%s", unfit.text);
@@ -146,8 +151,9 @@ static void copy_session(struct sessions *s, int station, const arthron_Command 
     struct fork *fork;
     struct error err;
     if (!(command->at_s >= 0)) {
-        reply_refuse(reply, "%g s: a session is copied at its end or at a time after its start",
-                     command->at_s);
+        reply_refuse_as(reply, arthron_Why_Code_WRONG_TIME, NULL,
+                        "%g s: a session is copied at its end or at a time after its start",
+                        command->at_s);
         return;
     }
     double at_s = command->at_s > 0 ? command->at_s : INFINITY;
@@ -169,7 +175,8 @@ static bool has_session(struct sessions *s, int station, arthron_CommandReply *r
     struct station_status status;
     station_slot_status(&s->slots[station], &status);
     return status.phase != SLOT_EMPTY ||
-           reply_refuse(reply, "station %s has no session", station_name(s, station));
+           reply_refuse_as(reply, arthron_Why_Code_NO_SESSION, station_name(s, station),
+                           "station %s has no session", station_name(s, station));
 }
 
 // Who called an instructor has one.
@@ -249,12 +256,14 @@ void commands_run(struct sessions *s, const char *actor, const arthron_Command *
         return;
     }
     if (!command_name(command->kind)) {
-        reply_refuse(reply, "this server does not know that command");
+        reply_refuse_as(reply, arthron_Why_Code_UNKNOWN_COMMAND, NULL,
+                        "this server does not know that command");
         return;
     }
     int station = sessions_find_station(&s->config, command->station);
     if (station < 0) {
-        reply_refuse(reply, "there is no station %s in the server's config", command->station);
+        reply_refuse_as(reply, arthron_Why_Code_NO_STATION, command->station,
+                        "there is no station %s in the server's config", command->station);
         return;
     }
     if (command->kind == arthron_Command_Kind_SHOW) {
@@ -262,7 +271,8 @@ void commands_run(struct sessions *s, const char *actor, const arthron_Command *
         return;
     }
     if (!manager_opens(s)) {
-        reply_refuse(reply, "the server is starting or ending: try again");
+        reply_refuse_as(reply, arthron_Why_Code_ENDING, NULL,
+                        "the server is starting or ending: try again");
         return;
     }
     if (command->kind == arthron_Command_Kind_COPY)

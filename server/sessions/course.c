@@ -15,11 +15,13 @@ bool course_input(struct sessions *s, int station, enum input_kind kind,
     uint64_t ticket = station_slot_new_ticket(slot);
     if (!runtime_input(s->runtime, station, kind, ticket) ||
         !station_slot_wait_taken(slot, ticket, clock_now_ns() + INPUT_WAIT_NS, &done))
-        return reply_refuse(reply, "station %s: its worker is too busy", station_name(s, station));
+        return reply_refuse_as(reply, arthron_Why_Code_BUSY, station_name(s, station),
+                               "station %s: its worker is too busy", station_name(s, station));
     station_slot_status(slot, &status);
     if (!done || status.state != expected)
-        return reply_refuse(reply, "station %s: the session stayed as it was",
-                            station_name(s, station));
+        return reply_refuse_as(reply, arthron_Why_Code_UNCHANGED, station_name(s, station),
+                               "station %s: the session stayed as it was",
+                               station_name(s, station));
     return reply->ok = true;
 }
 
@@ -35,10 +37,12 @@ bool course_open(struct sessions *s, int station, arthron_CommandReply *reply) {
         if (status.phase == SLOT_ATTACHED)
             return true;
         if (!status.connected)
-            return reply_refuse(reply, "station %s is not connected", station_name(s, station));
+            return reply_refuse_as(reply, arthron_Why_Code_NOT_CONNECTED, station_name(s, station),
+                                   "station %s is not connected", station_name(s, station));
         if (!waited)
-            return reply_refuse(reply, "station %s: its session is being opened or ended",
-                                station_name(s, station));
+            return reply_refuse_as(reply, arthron_Why_Code_BEING_OPENED, station_name(s, station),
+                                   "station %s: its session is being opened or ended",
+                                   station_name(s, station));
     } while (!station_slot_claim(slot, NULL));
     if (opening_run(s, station, &err) != RESULT_OK)
         return reply_refuse(reply, "%s", err.text);
@@ -57,5 +61,6 @@ bool course_stop(struct sessions *s, int station, arthron_CommandReply *reply) {
     if (course_input(s, station, INPUT_STOP, SESSION_CLOSED, reply) || station_slot_goes_on(slot))
         return reply->ok;
     reply->text[0] = '\0';
+    reply->has_why = false;
     return reply->ok = true;
 }

@@ -197,8 +197,10 @@ static bool take_slot(struct fork *f, arthron_CommandReply *reply) {
     if (!course_stop(f->sessions, f->station, reply))
         return false;
     return station_slot_claim(slot, f->header.session_id) ||
-           reply_refuse(reply, "station %s: another session is being opened",
-                        station_name(f->sessions, f->station));
+           reply_refuse_as(reply, arthron_Why_Code_BEING_OPENED,
+                           station_name(f->sessions, f->station),
+                           "station %s: another session is being opened",
+                           station_name(f->sessions, f->station));
 }
 
 // The name comes first: where it cannot be had, the station's session goes on.

@@ -42,12 +42,17 @@ static bool number_it(struct sessions *s, int station, uint64_t wanted, struct r
     if (wanted && wanted <= (uint64_t)count)
         remark->time_ns = r->all[wanted - 1].remark.time_ns;
     pthread_mutex_unlock(&slot->lock);
+    char number[24];
+    snprintf(number, sizeof number, "%llu",
+             wanted ? (unsigned long long)wanted : (unsigned long long)REMARKS_MAX);
     if (wanted > (uint64_t)count)
-        return reply_refuse(reply, "station %s: there is no remark %llu", station_name(s, station),
-                            (unsigned long long)wanted);
+        return reply_refuse_as(reply, arthron_Why_Code_NO_REMARK, number,
+                               "station %s: there is no remark %llu", station_name(s, station),
+                               (unsigned long long)wanted);
     if (!wanted && count == REMARKS_MAX)
-        return reply_refuse(reply, "station %s: a session has at most %d remarks",
-                            station_name(s, station), REMARKS_MAX);
+        return reply_refuse_as(reply, arthron_Why_Code_REMARKS_FULL, number,
+                               "station %s: a session has at most %d remarks",
+                               station_name(s, station), REMARKS_MAX);
     return true;
 }
 
@@ -58,10 +63,12 @@ static bool put_into_trace(struct sessions *s, int station, uint64_t session,
     bool done;
     if (!runtime_remark(s->runtime, station, session, remark, ticket) ||
         !station_slot_wait_taken(slot, ticket, clock_now_ns() + TAKEN_WAIT_NS, &done))
-        return reply_refuse(reply, "station %s: its worker is too busy", station_name(s, station));
+        return reply_refuse_as(reply, arthron_Why_Code_BUSY, station_name(s, station),
+                               "station %s: its worker is too busy", station_name(s, station));
     if (!done)
-        return reply_refuse(reply, "station %s: its trace did not take the remark",
-                            station_name(s, station));
+        return reply_refuse_as(reply, arthron_Why_Code_NOT_RECORDED, NULL,
+                               "station %s: its trace did not take the remark",
+                               station_name(s, station));
     return true;
 }
 
@@ -73,7 +80,8 @@ bool remark_command(struct sessions *s, int station, const char *author,
     const char *text = remark.text; // none where there is a marker alone
     bool is_shown = !text[0] || text_check(text, "remark", REMARK_TEXT_MAX, NULL) == RESULT_OK;
     if (!is_shown || !remark_is_valid(&remark))
-        return reply_refuse(reply, "a remark has a text of one line, or a marker near a bone");
+        return reply_refuse_as(reply, arthron_Why_Code_WRONG_REMARK, NULL,
+                               "a remark has a text of one line, or a marker near a bone");
     if (!number_it(s, station, message->number, &remark, &session, reply) ||
         !put_into_trace(s, station, session, &remark, reply))
         return false;

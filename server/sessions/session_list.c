@@ -113,8 +113,9 @@ static void tell_tissues(struct sessions *s, int station, const struct station_s
 void session_list_one(struct sessions *s, int station, arthron_CommandReply *reply) {
     struct station_status status;
     if (!station_slot_wait_tissues(&s->slots[station], clock_now_ns() + TISSUES_WAIT_NS)) {
-        reply_refuse(reply, "station %s: its cut worker is too busy to answer",
-                     station_name(s, station));
+        reply_refuse_as(reply, arthron_Why_Code_BUSY, station_name(s, station),
+                        "station %s: its cut worker is too busy to answer",
+                        station_name(s, station));
         return;
     }
     station_slot_status(&s->slots[station], &status);

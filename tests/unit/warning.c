@@ -30,6 +30,26 @@ static void assert_warns(arthron_Place place, enum urgency urgency, const char *
         fail_msg("it says: %s", place.warning);
 }
 
+static void a_program_reads_a_code_and_its_parameters(void **state) {
+    (void)state;
+    arthron_Place place = good();
+    warning_of_place(&place, 0.5);
+    assert_false(place.has_why);
+    place.devices[1].lost = true;
+    warning_of_place(&place, 0.5);
+    assert_true(place.has_why);
+    assert_int_equal(place.why.code, arthron_Why_Code_DEVICE_LOST);
+    assert_int_equal(place.why.parameters_count, 1);
+    assert_string_equal(place.why.parameters[0], "tracker");
+    place.devices[1].lost = false, strcpy(place.info.case_grade, "unchecked");
+    for (int i = 0; i < 2; i++) // made anew each second
+        warning_of_place(&place, 0.5);
+    assert_int_equal(place.why.code, arthron_Why_Code_CASE_GRADE);
+    assert_int_equal(place.why.parameters_count, 2);
+    assert_string_equal(place.why.parameters[0], "arthrosis");
+    assert_string_equal(place.why.parameters[1], "unchecked");
+}
+
 static void each_thing_is_told_of(void **state) {
     (void)state;
     arthron_Place place = good();
@@ -113,6 +133,7 @@ static void where_nobody_trains_nothing_is_urgent(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_thing_is_told_of),
+        cmocka_unit_test(a_program_reads_a_code_and_its_parameters),
         cmocka_unit_test(the_most_urgent_is_told),
         cmocka_unit_test(where_nobody_trains_nothing_is_urgent),
     };

@@ -2,16 +2,17 @@
 // each with its time. Views show any of it at any time; where it comes from is the same for all of them.
 import { create } from "@bufbuild/protobuf";
 import {
-  MeshAskSchema, MeshStateSchema, Trouble_Kind, Watch_What,
+  MeshAskSchema, MeshStateSchema, Trouble_Kind, Validity, Watch_What,
   type LiveSession, type Marker, type Metric, type Moment, type Place, type Remark, type Resection,
 } from "wire";
 import { lastBefore } from "./axes";
+import { whyOf } from "./explain";
 import { History, LIVE_LIMITS, type Limits } from "./history";
-import { instrumentsOf } from "./instruments";
+import { FIRST_INSTRUMENT, instrumentsOf, nameOf, type Instruments } from "./instruments";
 import type { Feed, WatchInit } from "./live";
 import type { Tissue } from "./mesh";
 import { LIVE_MESH_BYTES, Meshes, MeshHistory, type Answer } from "./meshes";
-import { sentence, text } from "./text";
+import { text } from "./text";
 
 export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "marker" | "metrics" | "progress" | "trouble" | "device";
 
@@ -41,6 +42,12 @@ export interface TimedResection {
 export interface RemarkChange {
   from: number;
   remark: Remark;
+}
+
+// A record does not have the devices' names: what they measured is lost.
+function lostParts({ instruments, jointValidity }: Moment, all: Instruments): Set<string> {
+  const lost = instruments.filter(({ validity }) => validity === Validity.LOST).map(({ channel }) => nameOf(all[channel - FIRST_INSTRUMENT]) ?? text.session.instrument);
+  return new Set(jointValidity === Validity.LOST ? [...lost, text.session.joint] : lost);
 }
 
 const EVENTS_MOST = 20_000; // the oldest go
@@ -138,7 +145,7 @@ export class FeedSource implements Source {
       feed.on("marker", (marker) => this.marked(marker)),
       feed.on("metrics", ({ metrics }) => this.set("metrics", () => (this.metrics = metrics))),
       feed.on("progress", ({ share, done }) => this.progressed(share, done)),
-      feed.on("trouble", ({ text: words, kind }) => this.troubled(words, kind)),
+      feed.on("trouble", ({ text: said, kind, why }) => this.troubled(whyOf(why, said), kind)),
     ];
     feed.watch(watch);
   }
@@ -201,10 +208,10 @@ export class FeedSource implements Source {
 
   private troubled(words: string, kind: Trouble_Kind): void {
     if (kind === Trouble_Kind.NOTE && !this.recorded) {
-      this.set("trouble", () => (this.note = sentence(words)));
+      this.set("trouble", () => (this.note = words));
       return;
     }
-    this.trouble = sentence(words);
+    this.trouble = words;
     this.refused = kind === Trouble_Kind.NOT_THERE;
     if (this.refused) { // another's session is there now
       this.session = undefined;
@@ -244,6 +251,7 @@ export class FeedSource implements Source {
     this.settle();
     if (!this.recorded && this.history.count === 1) for (const resected of this.resections) resected.time = this.history.start; // their time is unknown
     this.count(moment.events);
+    if (this.recorded) this.nameLost(lostParts(moment, this.history.instruments));
     this.tell("moment");
   }
 
@@ -309,7 +317,10 @@ export class FeedSource implements Source {
   // A place tells each second which devices are lost; a moment counts only how many.
   private nameDevices({ stationNumber, devices }: Place): void {
     if (this.recorded || stationNumber !== this.session?.stationNumber) return;
-    const lost = new Set(devices.filter((device) => device.lost).map(({ name }) => name));
+    this.nameLost(new Set(devices.filter((device) => device.lost).map(({ name }) => name)));
+  }
+
+  private nameLost(lost: ReadonlySet<string>): void {
     const before = this.lostDevices;
     this.lostDevices = lost;
     if (!before) return;

@@ -5,7 +5,7 @@ import { create } from "@bufbuild/protobuf";
 import {
   LiveSessionSchema, MarkerSchema, MeshChunkSchema, MetricsSchema, MomentSchema, PlaceSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, SessionState, Trouble_Kind, TroubleSchema,
 } from "wire";
-import { CaseGroup_Kind, CaseGroup_Side, type CaseGroup } from "wire";
+import { CaseGroup_Kind, CaseGroup_Side, Validity, type CaseGroup } from "wire";
 import { told } from "./told";
 import { Removed, removedLabels } from "../src/removed";
 import { bySubject, distributionOf, quantile, spreadOf, type Distribution } from "../src/distribution";
@@ -366,6 +366,20 @@ test("a device that is lost, and comes back, has its name where a place tells it
   place("encoders", "tracker");
   assert.deepEqual(source.events.at(-1)!.devices, ["tracker", "encoders"]);
   assert.deepEqual(inBursts(source.events.slice(0, 1))[0]!.devices, ["tracker"]);
+});
+
+test("a record names what was lost with a device", () => {
+  const played = new Played();
+  const { source } = played;
+  played.session();
+  const moment = (time: number, events: number[], validity: Validity): void => played.tell("moment", create(MomentSchema, {
+    stationNumber: 3, timeNs: BigInt(time * 1e9), events, instruments: [{ channel: 4, validity, tip: { q: [1, 0, 0, 0], t: [0, 0, 0] } }],
+  }));
+  moment(1, [1], Validity.OK);
+  moment(2, [1, 1], Validity.HELD);
+  moment(2.1, [1, 1], Validity.LOST);
+  moment(4, [1, 1, 1], Validity.OK);
+  assert.deepEqual(source.events.filter(({ event }) => event !== "state").map(({ event, devices }) => [event, devices]), [["deviceLost", ["Probe"]], ["deviceBack", ["Probe"]]]);
 });
 
 test("figures are called the same on the pages and in reports", () => {

@@ -1,7 +1,8 @@
 // What the wall shows of a station, and in which order: no DOM.
 import { SessionState, type DeviceRate, type Place } from "wire";
+import { whyOf } from "../explain";
 import { QUIET_MS, type StationState } from "../live";
-import { format, sentence, text } from "../text";
+import { format, text } from "../text";
 
 export type Urgency = 0 | 1 | 2 | 3; // none, look, act, now
 export const URGENCY_NAMES = ["quiet", "look", "act", "now"] as const;
@@ -64,7 +65,7 @@ export function warningOf(state: StationState, now: number, serverQuiet: boolean
   if (!serverQuiet && quietFor(state, now) !== undefined) return { station, urgency: 2, words: text.wall.noData };
   const { place } = state;
   if (!place || !place.urgency) return undefined;
-  return { station, urgency: Math.min(3, place.urgency) as Urgency, words: sentence(place.warning) };
+  return { station, urgency: Math.min(3, place.urgency) as Urgency, words: whyOf(place.why, place.warning) };
 }
 
 /** That nothing has come for so many ms. */

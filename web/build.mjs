@@ -87,7 +87,7 @@ async function bundlePages(out) {
   const options = { ...common(out), outdir: pages, minify: true, entryNames: "[name]-[hash]", chunkNames: "[name]-[hash]",
     assetNames: "[name]-[hash]", loader: { ".svg": "file" } };
   const names = {
-    ...entries(await build({ ...options, entryPoints: ["src/main.ts"], format: "esm", splitting: true }), pages),
+    ...entries(await build({ ...options, entryPoints: ["src/main.tsx"], format: "esm", splitting: true }), pages),
     ...entries(await build({ ...options, entryPoints: ["src/theme.ts"], format: "iife" }), pages),
     ...entries(await build({ ...options, entryPoints: ["src/style/main.css"] }), pages),
     ...entries(await build({ ...options, entryPoints: ["src/icon.svg"], loader: { ".svg": "copy" } }), pages),

@@ -47,6 +47,7 @@ export class Viewport {
 
   close(): void {
     this.end();
+    this.toolbar.close();
     this.dropScene();
     this.knee = "";
   }

@@ -168,8 +168,8 @@ function glb(): ArrayBuffer {
 const groupOf = (name: string, tissue: string, own_colour = false): Case["groups"][number] =>
   ({ name, body: name === "skin" ? "femur" : name, tissue, cuttable: tissue === "synovium", colour: "#0a0b0c", own_colour });
 
-test("a knee is shown as the patient has it", async () => {
-  const meshes = await readParts(glb());
+test("a knee is shown as the patient has it", () => {
+  const meshes = readParts(glb());
   const [part, ...others] = kneeParts({ groups: [groupOf("tibia", "cartilage", true), groupOf("skin", "skin")] }, meshes, 1);
   assert.equal(others.length, 0);
   assert.deepEqual([part!.body, part!.kind, part!.colour], [1, "bone", 0x0a0b0c]);
@@ -180,9 +180,9 @@ test("a knee is shown as the patient has it", async () => {
   assert.throws(() => kneeParts({ groups: [groupOf("femur", "bone")] }, meshes, 1), /femur has no mesh/);
 });
 
-test("bytes that are no case are refused", async () => {
-  await assert.rejects(() => readParts(new ArrayBuffer(4)));
-  await assert.rejects(() => readParts(new ArrayBuffer(64)));
+test("bytes that are no case are refused", () => {
+  assert.throws(() => readParts(new ArrayBuffer(4)), /no binary glTF/);
+  assert.throws(() => readParts(new ArrayBuffer(64)), /no binary glTF/);
 });
 
 // A server whose cases the test changes.

@@ -1,5 +1,5 @@
 // A chart by uPlot: columns of numbers over a common x, in the colours of the page.
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import { format } from "../text";
 import { onTheme, themeColour } from "../theme";
@@ -76,16 +76,17 @@ function optionsOf({ xText = (x) => format.number(x), series, height = 220, leas
 export function Chart(props: ChartProps) {
   const place = useRef<HTMLDivElement>(null);
   const { label, x, series, onPick } = props;
-  useEffect(() => {
+  useLayoutEffect(() => {
+    const at = place.current!;
     let chart: uPlot | undefined;
     const draw = (): void => {
       chart?.destroy();
-      chart = new uPlot(optionsOf(props, place.current!.clientWidth), [[...x], ...series.map(({ values }) => [...values])] as uPlot.AlignedData, place.current!);
+      chart = new uPlot(optionsOf(props, at.clientWidth), [[...x], ...series.map(({ values }) => [...values])] as uPlot.AlignedData, at);
       chart.over.addEventListener("click", () => chart!.cursor.idx != null && onPick?.(chart!.cursor.idx));
     };
     draw();
-    const resize = new ResizeObserver(() => chart!.setSize({ width: place.current!.clientWidth, height: props.height ?? 220 }));
-    resize.observe(place.current!);
+    const resize = new ResizeObserver(() => chart!.setSize({ width: at.clientWidth, height: props.height ?? 220 }));
+    resize.observe(at);
     const endTheme = onTheme(draw);
     return () => {
       endTheme();

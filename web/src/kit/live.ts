@@ -1,11 +1,14 @@
 // What the socket said, as signals. Many messages between two frames are one change.
 import { useSignal, type ReadonlySignal, type Signal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useLayoutEffect } from "preact/hooks";
 import type { Feed, Kind, StationState, ValueOf, WatchInit } from "../live";
 
-/** Watches as long as the component is there. `key` names what: another one is watched anew. */
+/**
+ * Watches as long as the component is there. `key` names what: another one is watched anew. What a passive effect cleans
+ * up it cleans up after the next picture: the next view would have begun to watch.
+ */
 export function useWatch(feed: Feed, key: string, what: () => WatchInit): void {
-  useEffect(() => {
+  useLayoutEffect(() => {
     feed.watch(what());
     return () => feed.unwatch();
   }, [feed, key]);

@@ -1,9 +1,10 @@
 // Buttons, fields, tabs, badges and the states of a panel.
 import { cloneElement, createContext, type ButtonHTMLAttributes, type ComponentChildren, type VNode } from "preact";
 import { signal, type ReadonlySignal } from "@preact/signals";
-import { useContext, useEffect, useId, useRef } from "preact/hooks";
+import { useContext, useId, useLayoutEffect, useRef } from "preact/hooks";
 import { text } from "../text";
 import { Icon, type IconName } from "./icon";
+import { walk } from "./keys";
 
 export type ButtonKind = "primary" | "plain" | "danger" | "quiet";
 
@@ -26,6 +27,31 @@ export function Badge({ kind = "", icon, title, children }: { kind?: "good" | "l
   return <span class={`badge ${kind}`} title={title || undefined}>{icon && <Icon name={icon} />}{children}</span>;
 }
 
+interface DropProps {
+  label: string;
+  class?: string;
+  children: ComponentChildren;
+}
+
+/** A button that opens a panel. It closes where the focus leaves it, and with Escape. */
+export function Drop({ label, class: names = "", children }: DropProps) {
+  const element = useRef<HTMLDetailsElement>(null);
+  const left = ({ relatedTarget: to }: FocusEvent): void => {
+    if (to && !element.current!.contains(to as Node)) element.current!.open = false;
+  };
+  const escape = (event: KeyboardEvent): void => {
+    if (event.key !== "Escape" || !element.current!.open) return;
+    element.current!.open = false;
+    element.current!.querySelector("summary")!.focus();
+    event.stopPropagation();
+  };
+  return (
+    <details class={`drop ${names}`} ref={element} onFocusOut={left} onKeyDown={escape}>
+      <summary class="button">{label}</summary><div class="drop-panel" tabIndex={-1}>{children}</div>
+    </details>
+  );
+}
+
 // ---- fields -----------------------------------------------------------------------------------------
 
 /** What is wrong with the inputs of a form, by their names. */
@@ -36,17 +62,18 @@ interface FieldProps {
   label: string;
   hint?: string | undefined;
   hidden?: boolean;
+  shown?: ComponentChildren; // beside the label, such as the value of a slider
   children: VNode<{ name?: string }>; // the input, select or textarea
 }
 
 /** A label over its input, with a line for a hint or for what is wrong that is there from the start. */
-export function Field({ label, hint = "", hidden, children }: FieldProps) {
+export function Field({ label, hint = "", hidden, shown, children }: FieldProps) {
   const id = useId();
   const fault = useContext(FaultsOf).value[children.props.name ?? ""] ?? "";
   const input = cloneElement<object>(children as VNode<object>, { id, "aria-describedby": `${id}-hint`, "aria-invalid": fault !== "" });
   return (
     <div class="field" hidden={hidden}>
-      <label for={id}>{label}</label>
+      <label for={id}>{label}{shown && <> {shown}</>}</label>
       {input}
       <p class={fault ? "hint fault" : "hint"} id={`${id}-hint`}>{fault || hint}</p>
     </div>
@@ -83,16 +110,9 @@ interface TabsProps<K extends string> {
 
 /** Tabs in one tab stop: arrow keys, Home and End walk over them. */
 export function Tabs<K extends string>({ label, tabs, chosen, panel, onChoose }: TabsProps<K>) {
-  const walk = (event: KeyboardEvent): void => {
-    const all = [...(event.currentTarget as HTMLElement).querySelectorAll<HTMLElement>("[role=tab]")];
-    const at = all.indexOf(document.activeElement as HTMLElement);
-    const to = { ArrowLeft: at - 1, ArrowRight: at + 1, Home: 0, End: all.length - 1 }[event.key];
-    if (at < 0 || to === undefined) return;
-    event.preventDefault();
-    all[Math.min(Math.max(to, 0), all.length - 1)]!.focus();
-  };
+  const keys = (event: KeyboardEvent): void => walk(event, [...(event.currentTarget as HTMLElement).querySelectorAll<HTMLElement>("[role=tab]")]);
   return (
-    <div class="tabs" role="tablist" aria-label={label} onKeyDown={walk}>
+    <div class="tabs" role="tablist" aria-label={label} onKeyDown={keys}>
       {tabs.map(([name, words]) => (
         <button key={name} type="button" role="tab" class="tab" aria-controls={panel} aria-selected={name === chosen} tabIndex={name === chosen ? 0 : -1}
           data-kind={name} onClick={() => onChoose(name)}>{words}</button>
@@ -133,6 +153,6 @@ export function Broken({ title, hint, again }: { title: string; hint: string; ag
 /** An element that a class makes itself, inside a component: a 3D scene, the scope. `make` returns what ends it. */
 export function Island({ class: names, make }: { class?: string; make(element: HTMLElement): () => void }) {
   const element = useRef<HTMLDivElement>(null);
-  useEffect(() => make(element.current!), []);
+  useLayoutEffect(() => make(element.current!), []); // closed before the next view begins
   return <div class={names} ref={element} />;
 }

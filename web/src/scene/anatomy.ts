@@ -74,7 +74,7 @@ async function fetchKnee(name: string, groups: Groups): Promise<Knee> {
 }
 
 export async function readKnee(manifest: Manifest, anatomy: ArrayBuffer, groups: Groups): Promise<Knee> {
-  const parts = await readParts(anatomy);
+  const parts = readParts(anatomy);
   return {
     name: manifest.name,
     title: manifest.title ?? manifest.name,

@@ -15,7 +15,8 @@ import { NoWebGl } from "../scene/view3d";
 import { FeedSource, markerAt, noteAt, type Change } from "../source";
 import { isPort, StationView, TOKEN, type ViewAddress } from "../station_view";
 import { text } from "../text";
-import { announcer, broken, empty, everySecond, field, formDialog, h, loading, select, setFault } from "../ui";
+import { announcer } from "../kit/keys";
+import { broken, empty, everySecond, field, formDialog, h, loading, select, setFault } from "../ui";
 import { Picture } from "./scope_picture";
 
 const RATE_HZ = 60;

@@ -1,5 +1,6 @@
 // What is on the scope's screen: the round picture, words and a legend over it, or words instead of it.
-import { showLegend } from "../legend";
+import { createElement, render } from "preact";
+import { Legend } from "../legend";
 import { MAPS, type MapName } from "../scene/colours";
 import { text } from "../text";
 import { fill, h, setClass, setText } from "../ui";
@@ -16,7 +17,7 @@ export class Picture {
   private readonly timing = h("p", { class: "scope-timing number", hidden: true });
   private readonly keys = h("details", { class: "scope-keys" }, h("summary", {}, text.scope.keysTitle),
     h("dl", {}, ...text.scope.keys.map(([key, what]) => h("div", {}, h("dt", {}, key), h("dd", {}, what)))));
-  private readonly legend = h("div", { class: "legend", hidden: true });
+  private readonly legend = h("div", {});
   private readonly signs: Record<Sign, HTMLElement>;
   private readonly size: ResizeObserver;
   private told: HTMLElement | undefined;
@@ -68,7 +69,7 @@ export class Picture {
   }
 
   showLegend(map: MapName): void {
-    showLegend(this.legend, map, map === "none" ? undefined : MAPS[map]);
+    render(createElement(Legend, { name: map, map: map === "none" ? undefined : MAPS[map] }), this.legend);
   }
 
   toggleKeys(): void {

@@ -1,12 +1,13 @@
 // Small pictures of all stations at once: one canvas over the cards, a scissor rectangle for each. Each shows
 // what the arthroscope sees, or the knee from outside where there is none. Menisci are as before any cut. Plain
-// WebGL: many small pictures of coarse surfaces are one canvas.
+// WebGL, so that the wall needs no 3-D library.
 import { Validity, type Moment, type ShortPose } from "wire";
 import { part } from "../api";
 import { drawnBySoftware } from "../graphics";
 import { FIRST_INSTRUMENT, isOptic, USUAL } from "../instruments";
 import type { StationState } from "../live";
 import { cameraFieldDeg, cameraInTip, USUAL_OPTIC, type Optic } from "../scene/optic";
+import { readParts } from "../scene/gltf";
 import { onTheme, themeColour } from "../theme";
 import { h } from "../ui";
 import { CaseCache } from "./wall_cases";
@@ -95,8 +96,7 @@ async function loadParts(name: string): Promise<Parts> {
   const base = `/api/v1/cases/${part(name)}`;
   const [told, glb] = await Promise.all([getJson<{ case: Case }>(base), fetch(`${base}/anatomy.glb`)]);
   if (!glb.ok) throw new Error(`${name}: ${glb.status}`);
-  const { readParts } = await import("../scene/gltf"); // with three, which the cards need not wait for
-  const meshes = await readParts(await glb.arrayBuffer());
+  const meshes = readParts(await glb.arrayBuffer());
   return (cell) => kneeParts(told.case, meshes, cell);
 }
 

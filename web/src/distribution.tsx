@@ -1,9 +1,9 @@
 // A session's metrics beside those of others: where its value lies among theirs.
 import type { Metric } from "wire";
 import type { Groups } from "./groups";
-import { metricValue, subjectName } from "./panels";
+import { Empty } from "./kit";
+import { metricName, metricValue, subjectName } from "./panels";
 import { format, text } from "./text";
-import { empty, h, setText } from "./ui";
 
 /** What all closed sessions of a case, or of a course, came to. */
 export interface Distribution {
@@ -66,27 +66,39 @@ export function hasOthers(values: readonly Value[], distributions: readonly Dist
   return values.some((value) => (distributionOf(distributions, value)?.n ?? 0) > 1);
 }
 
-/** Strips, one for each metric. */
-export function strips(values: readonly Value[], beside: Beside): HTMLElement {
-  const known = values.filter(({ value }) => Number.isFinite(value));
-  const alone = hasOthers(known, beside.distributions) ? text.debrief.alone : "";
-  if (!known.length) return empty(text.debrief.noMetrics);
-  return h("div", { class: "strips" }, ...bySubject(known).map(([subject, of]) =>
-    h("section", { class: "strip-group" }, h("h3", {}, subject ? subjectName(subject, beside.groups) : text.debrief.wholeSession), h("dl", {}, ...of.map((value) => strip(value, beside, alone))))));
+interface StripsProps extends Beside {
+  values: readonly Value[];
 }
 
-function strip(value: Value, { distributions, other }: Beside, alone: string): HTMLElement {
-  const name = text.session.metricNames[value.name] ?? value.name.replaceAll("_", " ");
-  const distribution = distributionOf(distributions, value);
+/** Strips, one for each metric. */
+export function Strips({ values, ...beside }: StripsProps) {
+  const known = values.filter(({ value }) => Number.isFinite(value));
+  const alone = hasOthers(known, beside.distributions) ? text.debrief.alone : "";
+  if (!known.length) return <Empty title={text.debrief.noMetrics} />;
+  return (
+    <div class="strips">{bySubject(known).map(([subject, of]) => (
+      <section key={subject} class="strip-group">
+        <h3>{subject ? subjectName(subject, beside.groups) : text.debrief.wholeSession}</h3>
+        <dl>{of.map((value) => <Strip key={value.name} of={value} {...beside} alone={alone} />)}</dl>
+      </section>))}</div>
+  );
+}
+
+function Strip({ of, distributions, other, alone }: Beside & { of: Value; alone: string }) {
+  const distribution = distributionOf(distributions, of);
   const spread = distribution && spreadOf(distribution);
-  const others = other.find((one) => one.name === value.name && one.subject === value.subject && one.version === value.version && Number.isFinite(one.value));
-  const shown = h("dd", { class: "strip-value" });
-  setText(shown, value.belowFloor ? text.debrief.belowFloor(metricValue(value)) : metricValue(value));
-  const words = spread && distribution.n > 1 ? spreadWords(distribution, spread) : alone;
-  return h("div", { class: "strip" }, h("dt", {}, name), shown,
-    others && h("dd", { class: "strip-other" }, metricValue(others)),
-    spread && distribution.n > 1 && h("dd", { class: "strip-plot", "aria-hidden": "true" }, drawn(value.value, others?.value, distribution, spread)),
-    words && h("dd", { class: "strip-words" }, words));
+  const others = other.find((one) => one.name === of.name && one.subject === of.subject && one.version === of.version && Number.isFinite(one.value));
+  const several = spread && distribution.n > 1;
+  const words = several ? spreadWords(distribution, spread) : alone;
+  return (
+    <div class="strip">
+      <dt>{metricName(of.name)}</dt>
+      <dd class="strip-value">{of.belowFloor ? text.debrief.belowFloor(metricValue(of)) : metricValue(of)}</dd>
+      {others && <dd class="strip-other">{metricValue(others)}</dd>}
+      {several && <dd class="strip-plot" aria-hidden="true"><Drawn value={of.value} other={others?.value} distribution={distribution} spread={spread} /></dd>}
+      {words && <dd class="strip-words">{words}</dd>}
+    </div>
+  );
 }
 
 // Quarters of a handful say nothing.
@@ -98,26 +110,27 @@ function spreadWords({ n, unit }: Distribution, { least, lower, median, upper, m
   return n < QUARTERS_LEAST ? text.debrief.few(some, value(least), value(most)) : text.debrief.spread(some, value(median), value(lower), value(upper));
 }
 
-const SVG = "http://www.w3.org/2000/svg";
-
-function shape(tag: string, attributes: Record<string, string | number>): SVGElement {
-  const element = document.createElementNS(SVG, tag);
-  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
-  return element;
+interface DrawnProps {
+  value: number;
+  other: number | undefined;
+  distribution: Distribution;
+  spread: Spread;
 }
 
 // Dots are sessions, the box is the middle half; this one's value is the mark.
-function drawn(value: number, other: number | undefined, { n, values = [] }: Distribution, spread: Spread): SVGElement {
+function Drawn({ value, other, distribution: { n, values = [] }, spread }: DrawnProps) {
   const least = Math.min(spread.least, value, other ?? Infinity);
   const range = Math.max(spread.most, value, other ?? -Infinity) - least;
   const x = (at: number): string => `${range > 0 ? 3 + (94 * (at - least)) / range : 50}%`;
   const wide = range > 0 ? `${(94 * (spread.upper - spread.lower)) / range}%` : "0%";
-  const svg = shape("svg", { class: "strip-svg", height: 22 });
-  svg.append(shape("line", { class: "whisker", x1: x(spread.least), x2: x(spread.most), y1: 11, y2: 11 }),
-    ...(n < QUARTERS_LEAST ? [] : [shape("rect", { class: "middle", x: x(spread.lower), width: wide, y: 5, height: 12, rx: 2 })]),
-    ...values.map((one) => shape("circle", { class: "one", cx: x(one), cy: 11, r: 2 })),
-    ...(n < QUARTERS_LEAST ? [] : [shape("line", { class: "median", x1: x(spread.median), x2: x(spread.median), y1: 4, y2: 18 })]));
-  if (other !== undefined) svg.append(shape("circle", { class: "other", cx: x(other), cy: 11, r: 4.5 }));
-  svg.append(shape("line", { class: "mine", x1: x(value), x2: x(value), y1: 1, y2: 21 }));
-  return svg;
+  return (
+    <svg class="strip-svg" height={22}>
+      <line class="whisker" x1={x(spread.least)} x2={x(spread.most)} y1={11} y2={11} />
+      {n >= QUARTERS_LEAST && <rect class="middle" x={x(spread.lower)} width={wide} y={5} height={12} rx={2} />}
+      {values.map((one) => <circle class="one" cx={x(one)} cy={11} r={2} />)}
+      {n >= QUARTERS_LEAST && <line class="median" x1={x(spread.median)} x2={x(spread.median)} y1={4} y2={18} />}
+      {other !== undefined && <circle class="other" cx={x(other)} cy={11} r={4.5} />}
+      <line class="mine" x1={x(value)} x2={x(value)} y1={1} y2={21} />
+    </svg>
+  );
 }

@@ -1,15 +1,18 @@
 // #/session/ID: a recorded session, replayed; ?with=ID: beside another one.
+import { signal } from "@preact/signals";
+import { render, type VNode } from "preact";
+import { useLayoutEffect } from "preact/hooks";
 import type { App, View } from "../app";
 import { ApiError, part } from "../api";
 import { Dashboard } from "../dashboard";
-import { hasOthers, strips, type Distribution, type Value } from "../distribution";
+import { hasOthers, Strips, type Distribution, type Value } from "../distribution";
 import { explain } from "../explain";
 import { labelOf, type Groups } from "../groups";
+import { Badge, Broken, Button, Empty, Icon, Island, Loading, Select } from "../kit";
 import { browserEnvironment, Feed } from "../live";
 import { routeTo } from "../router";
 import { FeedSource, resectionsAt } from "../source";
 import { format, text } from "../text";
-import { broken, button, empty, fill, h, icon, loading, select, setClass, setText } from "../ui";
 import { debriefAttempts, type DebriefAttempts } from "./debrief_attempts";
 import { Comparison } from "./debrief_compare";
 import { Transport } from "./debrief_transport";
@@ -60,60 +63,57 @@ export const sessionTitle = ({ trainee, start_utc_s: start }: SessionRow): strin
   text.debrief.title(trainee ?? text.debrief.nobody, format.time(start * 1000));
 
 export const debrief: View = (root, route, app) => {
+  const words = text.debrief;
   const id = route.args[0] ?? "";
-  app.title(text.debrief.sessions);
+  app.title(words.sessions);
   let replay: Replay | undefined;
   let ended = false;
-  root.append(loading(text.debrief.waiting));
   const begin = (): void => {
+    render(<Loading what={words.waiting} />, root);
     app.api.get<Record>(`/sessions/${part(id)}`).then(
       (record) => {
         if (ended) return;
-        root.replaceChildren();
-        replay = new Replay(root, record, route.query, app);
+        replay = new Replay(record, route.query, app);
+        render(<ReplayPage of={replay} />, root);
       },
       (error: unknown) => {
         if (ended) return;
         const gone = error instanceof ApiError && (error.status === 404 || error.status === 400);
-        fill(root, gone ? empty(text.debrief.noSession, text.debrief.noSessionHint, h("a", { class: "button", href: routeTo("sessions") }, text.debrief.sessions))
-          : broken(text.listBroken, explain(error), begin));
+        render(gone ? <Empty title={words.noSession} hint={words.noSessionHint}><a class="button" href={routeTo("sessions")}>{words.sessions}</a></Empty>
+          : <Broken title={text.listBroken} hint={explain(error)} again={begin} />, root);
       });
   };
   begin();
   return () => {
     ended = true;
+    render(null, root);
     replay?.close();
   };
 };
 
 class Replay {
-  private readonly source: FeedSource;
-  private readonly metrics: Metrics;
-  private readonly dashboard: Dashboard;
-  private readonly transport: Transport;
-  private readonly comparison: Comparison;
-  private readonly attempts: DebriefAttempts;
-  private readonly cover = h("div", { class: "station-waiting" }, loading(text.debrief.waiting));
-  private readonly notices = h("div", { class: "notices", role: "status" });
-  private noticed = "";
+  readonly source: FeedSource;
+  readonly metrics: Metrics;
+  readonly dashboard: Dashboard;
+  readonly transport: Transport;
+  readonly comparison: Comparison;
+  readonly attempts: DebriefAttempts;
+  readonly changes = signal(0); // of all but moments
   private readonly ends: (() => void)[];
 
-  constructor(private readonly root: HTMLElement, private readonly record: Record, query: URLSearchParams, private readonly app: App) {
+  constructor(readonly record: Record, query: URLSearchParams, readonly app: App) {
     const { session } = record;
     app.title(sessionTitle(session));
     this.source = FeedSource.recorded(app.feed, session.id, RATE_HZ);
-    this.metrics = new Metrics(app, record, () => this.source.session?.groups);
+    this.metrics = new Metrics(app, record);
     this.dashboard = new Dashboard(this.source, { onTime: (time) => this.transport.seek(time ?? 0), metrics: (replayed) => this.metrics.draw(replayed) });
     this.transport = new Transport(this.source);
     this.comparison = new Comparison(app, session, this.source, this.dashboard);
     this.attempts = debriefAttempts(app, session.id, this.source, Number(query.get("attempt")) || 0, (time) => this.transport.seek(time));
-    root.append(head(session, this.metrics, this.comparison), this.notices, this.comparison.element, this.transport.element, this.attempts.element,
-      h("div", { class: "station-main" }, this.dashboard.element, this.attempts.scope, this.cover));
     this.ends = this.listen();
     const other = query.get("with");
     if (other) void this.comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
     this.transport.toEnd();
-    this.show();
   }
 
   close(): void {
@@ -132,55 +132,72 @@ class Replay {
       transport.setOther(other, ahead);
       this.metrics.setOther(values);
     };
-    const show = (): void => this.show();
+    const show = (): void => void this.changes.value++;
     return [
       source.onChange((change) => {
-        if (change === "session") this.metrics.refresh(); // groups have their labels
-        if (change === "moment" && !this.cover.hidden) show();
+        if (change === "session") this.metrics.setGroups(source.session?.groups); // they have their labels
         if (change === "progress" && source.progress === 1) transport.say(checked(source));
-        if (change !== "moment") show();
+        if (change !== "moment" || source.history.count === 1) show();
       }),
       this.app.feed.onLink(show),
     ];
   }
-
-  private show(): void {
-    const { cover, source } = this;
-    cover.hidden = source.history.count > 0;
-    this.dashboard.element.inert = !cover.hidden;
-    if (!cover.hidden) showCover(cover, source, this.app.feed, this.metrics);
-    setClass(this.root, "nothing", !cover.hidden && source.progress === 1);
-    const found = noticesOf(this.record.session, source);
-    if (found.join("\n") === this.noticed) return;
-    this.noticed = found.join("\n");
-    fill(this.notices, ...found.map((words) => h("p", { class: "notice" }, icon("act"), words)));
-  }
 }
 
-function head(session: SessionRow, metrics: Metrics, comparison: Comparison): HTMLElement {
+const island = (element: HTMLElement) => <Island class="island" make={(place) => {
+  place.append(element);
+  return () => {};
+}} />;
+
+function ReplayPage({ of }: { of: Replay }) {
+  void of.changes.value;
+  const { source, dashboard, comparison, transport, attempts, record } = of;
+  const covered = source.history.count === 0;
+  useLayoutEffect(() => void (dashboard.element.inert = covered));
+  return (
+    <div class={`replay-page ${covered && source.progress === 1 ? "nothing" : ""}`}>
+      <Head of={of} />
+      <div class="notices" role="status">{noticesOf(record.session, source).map((words) => <p key={words} class="notice"><Icon name="act" />{words}</p>)}</div>
+      {island(comparison.element)}
+      {island(transport.element)}
+      {island(attempts.element)}
+      <div class="station-main">{island(dashboard.element)}{island(attempts.scope)}{covered && <div class="station-waiting"><Cover of={of} /></div>}</div>
+    </div>
+  );
+}
+
+function Head({ of: { record: { session }, metrics, comparison } }: { of: Replay }) {
   const words = text.debrief;
   const base = `/api/v1/sessions/${part(session.id)}`;
-  const report = h("a", { class: "button", href: `${base}/report`, target: "_blank", rel: "noopener" }, words.report);
-  metrics.onCourse = (course) => report.setAttribute("href", `${base}/report${course ? `?course=${part(course)}` : ""}`);
   const length = session.end_utc_s === null ? "" : format.clock(session.end_utc_s - session.start_utc_s);
-  return h("header", { class: "station-head" },
-    h("div", { class: "station-name" }, h("a", { href: routeTo("sessions"), class: "button quiet back" }, icon("back"), words.sessions),
-      h("h1", {}, sessionTitle(session)), session.state !== "closed" && h("span", { class: `badge ${text.sessions.kinds[session.state] ?? ""}` }, text.sessions.states[session.state] ?? session.state)),
-    h("p", { class: "about quiet-text" }, [session.case, session.station, length].filter((one) => one !== "").join(" · ")),
-    h("div", { class: "head-actions" }, button(words.compare, () => comparison.choose()), report,
-      h("a", { class: "button", href: `${base}/trace`, download: true }, icon("file"), words.trace)));
+  const course = metrics.course.value;
+  return (
+    <header class="station-head">
+      <div class="station-name">
+        <a href={routeTo("sessions")} class="button quiet back"><Icon name="back" />{words.sessions}</a>
+        <h1>{sessionTitle(session)}</h1>
+        {session.state !== "closed" && <Badge kind={text.sessions.kinds[session.state] ?? ""}>{text.sessions.states[session.state] ?? session.state}</Badge>}
+      </div>
+      <p class="about quiet-text">{[session.case, session.station, length].filter((one) => one !== "").join(" · ")}</p>
+      <div class="head-actions">
+        <Button onClick={() => comparison.choose()}>{words.compare}</Button>
+        <a class="button" href={`${base}/report${course ? `?course=${part(course)}` : ""}`} target="_blank" rel="noopener">{words.report}</a>
+        <a class="button" href={`${base}/trace`} download><Icon name="file" />{words.trace}</a>
+      </div>
+    </header>
+  );
 }
 
 // Nothing can be played, still or for good: what was measured is known all the same.
-function showCover(cover: HTMLElement, source: FeedSource, feed: Feed, metrics: Metrics): void {
+function Cover({ of: { source, metrics, app } }: { of: Replay }) {
   const words = text.debrief;
-  const figures = (): HTMLElement => h("div", { class: "cover-metrics panel" }, metrics.draw([]));
+  const figures = <div class="cover-metrics panel">{metrics.draw([])}</div>;
   const over = source.progress === 1;
-  if (source.refused) fill(cover, empty(words.noSession, words.noSessionHint));
-  else if (over && source.trouble) fill(cover, empty(words.noReplay, source.trouble, button(text.tryAgain, () => location.reload())), figures());
-  else if (over) fill(cover, empty(words.noMoments, words.noMomentsHint), figures());
-  else if (feed.lostMs() !== undefined) fill(cover, empty(text.wall.unreachable, text.station.comesBack));
-  else fill(cover, loading(source.trouble || words.waiting));
+  if (source.refused) return <Empty title={words.noSession} hint={words.noSessionHint} />;
+  if (over && source.trouble) return <><Empty title={words.noReplay} hint={source.trouble}><Button onClick={() => location.reload()}>{text.tryAgain}</Button></Empty>{figures}</>;
+  if (over) return <><Empty title={words.noMoments} hint={words.noMomentsHint} />{figures}</>;
+  if (app.feed.lostMs() !== undefined) return <Empty title={text.wall.unreachable} hint={text.station.comesBack} />;
+  return <Loading what={source.trouble || words.waiting} />;
 }
 
 function noticesOf(session: SessionRow, source: FeedSource): string[] {
@@ -210,60 +227,59 @@ function checked(source: FeedSource): { words: string; wrong: boolean } {
 
 // ---- metrics beside others' ------------------------------------------------------------------------------
 
+/** What the session's figures stand beside. */
 class Metrics {
-  onCourse: (course: string) => void = () => {};
-  private readonly body = h("div", {});
-  private readonly hint = h("p", { class: "hint" });
-  private readonly select: HTMLSelectElement;
-  private readonly element: HTMLElement;
-  private distributions: Distribution[] = [];
-  private other: readonly Value[] = [];
-  private replayed: readonly Value[] = [];
+  readonly course = signal("");
+  private readonly options = signal<readonly (readonly [value: string, label: string])[]>([]);
+  private readonly distributions = signal<readonly Distribution[]>([]);
+  private readonly other = signal<readonly Value[]>([]);
+  private readonly groups = signal<Groups | undefined>(undefined);
   private turn = 0;
 
-  constructor(private readonly app: App, private readonly record: Record, private readonly groups: () => Groups | undefined) {
-    const trainee = app.account?.role === "trainee";
-    this.select = select(trainee ? [] : [["", text.debrief.everybody]], "", { "aria-label": text.debrief.besides, on: { change: () => void this.load() } });
-    this.element = h("div", { class: "beside" }, h("label", { class: "beside-choice" }, h("span", {}, text.debrief.besides), this.select),
-      this.hint, this.body);
-    void this.begin(trainee);
-  }
-
-  /** `replayed` are the replay's own, for a session whose end was not recorded. */
-  draw(replayed: readonly Value[]): HTMLElement {
-    this.replayed = replayed;
-    this.refresh();
-    return this.element;
+  constructor(private readonly app: App, private readonly record: Record) {
+    void this.begin(app.account?.role === "trainee");
   }
 
   setOther(values: readonly Value[]): void {
-    this.other = values;
-    this.refresh();
+    this.other.value = values;
   }
 
-  refresh(): void {
-    const recorded = valuesOf(this.record.results).filter(({ name }) => name !== "depth_time");
-    const values = recorded.length ? recorded : this.replayed;
-    setText(this.hint, hasOthers(values, this.distributions) ? text.debrief.stripsHint : text.debrief.allAlone);
-    fill(this.body, strips(values, { distributions: this.distributions, other: this.other, groups: this.groups() }));
+  setGroups(groups: Groups | undefined): void {
+    this.groups.value = groups;
   }
+
+  /** `replayed` are the replay's own, for a session whose end was not recorded. */
+  draw(replayed: readonly Value[]): VNode {
+    return <this.View replayed={replayed} />;
+  }
+
+  private readonly View = ({ replayed }: { replayed: readonly Value[] }) => {
+    const words = text.debrief;
+    const recorded = valuesOf(this.record.results).filter(({ name }) => name !== "depth_time");
+    const values = recorded.length ? recorded : replayed;
+    const beside = { distributions: this.distributions.value, other: this.other.value, groups: this.groups.value };
+    return (
+      <div class="beside">
+        <label class="beside-choice" hidden={this.options.value.length < 2}><span>{words.besides}</span>
+          <Select label={words.besides} options={this.options.value} value={this.course.value} onChoose={(course) => void this.load(course)} /></label>
+        <p class="hint">{hasOthers(values, beside.distributions) ? words.stripsHint : words.allAlone}</p>
+        <Strips values={values} {...beside} />
+      </div>
+    );
+  };
 
   private async begin(trainee: boolean): Promise<void> {
     const courses = trainee ? await this.app.api.get<{ courses: string[] }>("/me").then((me) => me.courses, () => [])
       : await this.app.api.get<{ courses: { name: string }[] }>("/courses").then((all) => all.courses.map(({ name }) => name), () => []);
-    this.select.append(...courses.map((name) => h("option", { value: name }, text.debrief.course(name))));
-    this.select.parentElement!.hidden = this.select.options.length < 2;
-    if (this.select.options.length) await this.load();
+    this.options.value = [...(trainee ? [] : [["", text.debrief.everybody] as const]), ...courses.map((name) => [name, text.debrief.course(name)] as const)];
+    if (this.options.value.length) await this.load(this.options.value[0]![0]);
   }
 
-  private async load(): Promise<void> {
+  private async load(course: string): Promise<void> {
     const mine = ++this.turn;
-    const course = this.select.value;
-    this.onCourse(course);
+    this.course.value = course;
     const found = await this.app.api.get<{ distributions: Distribution[] }>("/distributions", { case: this.record.session.case, course })
       .then((answer) => answer.distributions, (): Distribution[] => []);
-    if (mine !== this.turn) return;
-    this.distributions = found;
-    this.refresh();
+    if (mine === this.turn) this.distributions.value = found;
   }
 }

@@ -1,14 +1,14 @@
 // Entry point: who is signed in, which view is shown, and the frame around it.
-import { createElement, render } from "preact";
+import { render, type ComponentChildren } from "preact";
+import { useEffect } from "preact/hooks";
 import { Api, ApiError, type Account, type Role } from "./api";
 import type { App, View } from "./app";
-import { Toasts } from "./kit/dialog";
+import { Broken, Empty, Loading, Toasts, view } from "./kit";
 import { browserEnvironment, Feed } from "./live";
 import { parseRoute, type Route } from "./router";
-import { frame } from "./shell";
+import { bare, frame } from "./shell";
 import { setTechnician } from "./technical";
 import { text } from "./text";
-import { broken, empty, h, loading } from "./ui";
 
 interface Page {
   load(): Promise<View>;
@@ -129,53 +129,48 @@ async function show(): Promise<void> {
   leave();
   leave = () => {};
   for (const dialog of document.querySelectorAll("dialog")) dialog.close();
-  const root = h("div", { class: `view ${route.name}` }, loading());
-  const unframe = page?.bare ? bare(root) : frame(root, route, app);
-  leave = unframe;
-  const view = await chosen(page);
+  const root = document.createElement("div");
+  root.className = `view ${route.name}`;
+  render(<Loading />, root);
+  if (page?.bare) bare(root);
+  else frame(root, route, app);
+  leave = () => render(null, root);
+  const shown = await chosen(page);
   if (mine !== turn) return;
-  root.replaceChildren();
-  const end = view(root, route, app);
-  leave = () => {
-    end();
-    unframe();
-  };
+  render(null, root);
+  leave = shown(root, route, app);
   // A reader goes on at the new view; on a page that was just opened the first stop is the skip link.
   if (mine > 1 && document.activeElement === document.body) document.getElementById("content")?.focus();
 }
 
 async function chosen(page: Page | undefined): Promise<View> {
-  if (!page) return told(text.notFound.title, empty(text.notFound.title, text.notFound.hint));
-  if (page.roles && !page.roles.includes(app.account!.role)) return told(text.notAllowed.title, empty(text.notAllowed.title, text.notAllowed.hint));
+  if (!page) return told(text.notFound.title, <Empty {...text.notFound} />);
+  if (page.roles && !page.roles.includes(app.account!.role)) return told(text.notAllowed.title, <Empty {...text.notAllowed} />);
   try {
     return await page.load();
   } catch {
-    return told(text.viewBroken.title, broken(text.viewBroken.title, text.viewBroken.hint, () => location.reload()));
+    return told(text.viewBroken.title, <Broken {...text.viewBroken} again={() => location.reload()} />);
   }
 }
 
-const told = (title: string, state: HTMLElement): View => (root, _route, { title: name }) => {
-  name(title);
-  root.append(h("h1", { class: "unseen" }, title), state);
-  return () => {};
-};
-
-function bare(root: HTMLElement): () => void {
-  const content = h("main", { id: "content", class: "bare", tabindex: -1 }, root);
-  document.getElementById("app")!.replaceChildren(content);
-  return () => {};
-}
+const told = (title: string, state: ComponentChildren): View => view(({ app: { title: name } }) => {
+  useEffect(() => name(title), []);
+  return <><h1 class="unseen">{title}</h1>{state}</>;
+});
 
 async function begin(): Promise<void> {
-  const page = h("div", { id: "app" }, loading());
-  const words = h("div", { id: "toasts", role: "status" });
-  render(createElement(Toasts, null), words);
-  document.body.append(page, words, h("div", { id: "announcements", class: "unseen", "aria-live": "polite" }));
+  const [page, toasts, announcements] = ["app", "toasts", "announcements"].map((id) => Object.assign(document.createElement("div"), { id }));
+  toasts!.role = "status";
+  announcements!.className = "unseen";
+  announcements!.ariaLive = "polite";
+  render(<Loading />, page!);
+  render(<Toasts />, toasts!);
+  document.body.append(page!, toasts!, announcements!);
   try {
     app.account = (await whoAmI()) ?? undefined;
     setTechnician(app.account?.role === "technician");
   } catch {
-    page.replaceChildren(broken(text.errors.unreachable, "", () => location.reload()));
+    render(<Broken title={text.errors.unreachable} hint="" again={() => location.reload()} />, page!);
     return;
   }
   api.onSignedOut = expired;

@@ -1,5 +1,7 @@
 // A session on one page: the joint, plots with a common cursor, events, remarks, resection, metrics. It
 // shows any moment of its source, live or recorded.
+import { effect, signal, type Signal } from "@preact/signals";
+import { render, type ComponentChildren } from "preact";
 import type { Metric } from "wire";
 import { nameOf } from "./instruments";
 import { FLEXION, FORCE, GAIN, GAIN_LEAST, SPEED, toolAt, VARUS, WARP, WORKING } from "./history";
@@ -9,7 +11,7 @@ import type { Marker } from "./scene/joint";
 import { Viewport } from "./viewport";
 import { Removed, REMOVED_TRACES, removedLabels } from "./removed";
 import type { Change, Source } from "./source";
-import { isTechnical, technicalSwitch } from "./technical";
+import { isTechnical, TechnicalSwitch } from "./technical";
 import { format, text } from "./text";
 import { button, h, setText } from "./ui";
 
@@ -19,7 +21,7 @@ const LATE_S = 2; // a page that was opened sooner has all of the session
 export interface DashboardOptions {
   onMarker?: (marker: Marker) => void; // a point of the surface was chosen
   onTime?: (time: number | undefined) => void; // another moment was asked for; undefined: the newest
-  metrics?: (metrics: readonly Metric[]) => HTMLElement; // instead of the usual table
+  metrics?: (metrics: readonly Metric[]) => ComponentChildren; // instead of the usual table
 }
 
 export class Dashboard {
@@ -31,11 +33,11 @@ export class Dashboard {
 
   private readonly plots: Plots;
   private readonly back: HTMLElement;
-  private readonly working = h("output", { class: "working" });
-  private readonly since = h("span", { class: "since" });
+  private readonly working = signal<string>(format.none); // the instrument
+  private readonly since = signal("");
   private readonly ends: (() => void)[] = [];
   private cursor: number | undefined;
-  private windowS = LIVE_WINDOW_S; // 0: all
+  private readonly windowS: Signal<number>; // 0: all
   private flags = 0; // events, remarks and markers that the plots have
   private pending = 0;
 
@@ -50,10 +52,17 @@ export class Dashboard {
     this.back.hidden = true;
     this.viewport.element.append(this.back);
     this.viewports = h("div", { class: "viewports" }, this.viewport.element);
+    this.windowS = signal(source.recorded ? 0 : LIVE_WINDOW_S);
+    const head = h("div", {});
+    render(<PlotsHead working={this.working} since={this.since} windowS={this.windowS} />, head);
     this.element = h("div", { class: "dashboard" }, this.viewports, this.panels.element,
-      h("section", { class: "plots-panel panel", "aria-label": text.session.plots }, this.plotHead(), this.plots.element));
-    this.ends.push(source.onChange((change) => this.changed(change)), () => this.plots.close(), () => this.viewport.close());
-    if (source.recorded) this.windowS = 0;
+      h("section", { class: "plots-panel panel", "aria-label": text.session.plots }, head, this.plots.element));
+    const shown = effect(() => {
+      isTechnical();
+      void this.windowS.value;
+      this.soon();
+    });
+    this.ends.push(source.onChange((change) => this.changed(change)), shown, () => render(null, head), () => this.panels.close(), () => this.plots.close(), () => this.viewport.close());
     this.changed("session");
   }
 
@@ -113,11 +122,12 @@ export class Dashboard {
     this.plots.setHere(this.time);
     this.plots.setUnknown(this.source.recorded || !history.count ? -Infinity : history.start);
     const late = !this.source.recorded && history.start > LATE_S;
-    setText(this.since, late ? text.session.since(format.clock(history.start)) : "");
-    if (this.windowS === 0) this.plots.setWindow(history.start, end);
+    this.since.value = late ? text.session.since(format.clock(history.start)) : "";
+    const windowS = this.windowS.value;
+    if (windowS === 0) this.plots.setWindow(history.start, end);
     else {
-      const from = Math.max(0, Math.min(time + this.windowS / 2, end) - this.windowS);
-      this.plots.setWindow(from, from + this.windowS);
+      const from = Math.max(0, Math.min(time + windowS / 2, end) - windowS);
+      this.plots.setWindow(from, from + windowS);
     }
     const { events, remarks, markers } = this.source;
     if (this.flags !== events.length + remarks.length + markers.length) {
@@ -131,20 +141,6 @@ export class Dashboard {
 
   // ---- plots -------------------------------------------------------------------------------------------
 
-  private plotHead(): HTMLElement {
-    const choices = text.session.window.map(([seconds, label]) => {
-      const input = h("input", { type: "radio", name: "window", value: seconds, on: { change: () => {
-        this.windowS = seconds;
-        this.soon();
-      } } });
-      input.checked = seconds === (this.source.recorded ? 0 : LIVE_WINDOW_S);
-      return h("label", { class: "choice" }, input, h("span", {}, label));
-    });
-    return h("div", { class: "plots-head" }, h("span", { class: "quiet-text" }, `${text.session.working}: `, this.working, this.since),
-      technicalSwitch(text.session.technical, () => this.soon()),
-      h("fieldset", { class: "segments" }, h("legend", { class: "unseen" }, text.session.windows), ...choices));
-  }
-
   private setCursor(time: number | undefined): void {
     this.cursor = time;
     this.readWorking();
@@ -153,8 +149,30 @@ export class Dashboard {
   private readWorking(): void {
     const { history } = this.source;
     const index = history.indexAt(this.cursor ?? this.shownTime);
-    setText(this.working, nameOf(history.instruments[history.value(index, WORKING)]) ?? format.none);
+    this.working.value = nameOf(history.instruments[history.value(index, WORKING)]) ?? format.none;
   }
+}
+
+interface PlotsHeadProps {
+  working: Signal<string>;
+  since: Signal<string>;
+  windowS: Signal<number>;
+}
+
+function PlotsHead({ working, since, windowS }: PlotsHeadProps) {
+  return (
+    <div class="plots-head">
+      <span class="quiet-text">{text.session.working}: <output class="working">{working}</output><span class="since">{since}</span></span>
+      <TechnicalSwitch label={text.session.technical} />
+      <fieldset class="segments">
+        <legend class="unseen">{text.session.windows}</legend>
+        {text.session.window.map(([seconds, label]) => (
+          <label key={seconds} class="choice">
+            <input type="radio" name="window" value={seconds} checked={windowS.value === seconds} onChange={() => (windowS.value = seconds)} /><span>{label}</span>
+          </label>))}
+      </fieldset>
+    </div>
+  );
 }
 
 const REMOVED = 4;

@@ -103,7 +103,7 @@ export class Dashboard {
       if (!this.source.history.count && !this.source.recorded && this.time !== undefined) this.setTime(undefined);
     }
     this.panels.changed(change);
-    if (change === "moment" && this.time !== undefined) this.plots.draw();
+    if (change === "progress" || (change === "moment" && this.time !== undefined)) this.plots.draw(); // what a cut did has its time only then
     else if (!this.source.recorded || (change !== "mesh" && change !== "resection")) this.soon();
   }
 

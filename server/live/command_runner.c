@@ -13,6 +13,7 @@ struct page_command {
     uint32_t number;      // of the viewer
     char actor[64];
     const char *refusal; // or NULL
+    bool of_trainee;
     arthron_Command command;
     arthron_Live item;
 };
@@ -24,6 +25,8 @@ static struct parcel *answer(struct page_command *c) {
         reply_refuse_as(reply, arthron_Why_Code_NOT_ALLOWED, NULL, "%s", c->refusal);
     else
         sessions_command(c->live->sessions, c->actor, &c->command, reply);
+    if (c->of_trainee) // what is at the station may be another's
+        reply->sessions_count = 0;
     struct parcel *parcel = parcel_of(&c->item, c->number);
     if (parcel)
         return parcel;
@@ -56,7 +59,8 @@ bool command_runner_add(struct live_server *live, const struct viewer *viewer,
     c->number = viewer->number;
     c->refusal = refusal;
     c->command = *command;
-    if (is_trainee(&viewer->account))
+    c->of_trainee = is_trainee(&viewer->account);
+    if (c->of_trainee)
         snprintf(c->command.trainee, sizeof c->command.trainee, "%s", viewer->account.trainee);
     snprintf(c->actor, sizeof c->actor, "%s", viewer->account.name);
     struct pool_task task = {

@@ -184,7 +184,8 @@ static void take_watch(struct live_server *live, struct viewer *viewer,
 // Who trains may practise: the sessions see to it that it is an own session.
 static bool practises(const struct viewer *viewer, const arthron_Command *command) {
     return viewer->role == ROLE_TRAINEE && viewer->account.trainee[0] &&
-           (command->kind == arthron_Command_Kind_BEGIN ||
+           (command->kind == arthron_Command_Kind_STOP ||
+            command->kind == arthron_Command_Kind_BEGIN ||
             command->kind == arthron_Command_Kind_LEAVE ||
             command->kind == arthron_Command_Kind_HELP ||
             command->kind == arthron_Command_Kind_TAKE);

@@ -94,6 +94,11 @@ void attempt_state_withhold(arthron_AttemptState *state) {
     state->verdict = arthron_AttemptState_Verdict_OPEN;
     state->pass_time_s = 0;
     state->pass_errors = 0;
+    if (state->end == arthron_AttemptState_End_RUNS)
+        return;
+    state->end = arthron_AttemptState_End_ENDED;
+    state->time_ns = 0;
+    state->last_step = 0;
 }
 
 void attempt_begun(const struct session_attempt *attempt, struct trace_attempt *out) {

@@ -70,8 +70,10 @@ static bool begin(struct worker *worker, struct station_runtime *station,
     attempt->begun_ns = step_now_ns(station) - session->snapshots.start_ns;
     attempt_init(&attempt->attempt);
     attempt_begun(attempt, &begun);
-    if (!trace_append_begun(session->trace, &begun))
+    if (!trace_append_begun(session->trace, &begun)) {
+        attempt->number = 0; // nobody hears of it
         return false;
+    }
     session->attempts++;
     session->attempt = attempt;
     tell(worker, station);

@@ -121,19 +121,28 @@ static bool ask_for_help(struct sessions *s, int station, const char *trainee,
     return reply->ok = true;
 }
 
-// An own session that is open goes on. Another's that runs or is paused is left alone.
+// Why a trainee may not have the station now; NULL: they may.
+static const char *in_the_way(const struct station_status *status, const char *trainee) {
+    if (status->phase != SLOT_EMPTY && status->about.trainee[0] && !is_of(status, trainee))
+        return "somebody else trains there";
+    if (status->trainee[0] && strcmp(status->trainee, trainee))
+        return "an instructor keeps it for somebody else";
+    if (status->phase != SLOT_EMPTY && status->state == SESSION_PAUSED)
+        return "an instructor paused its session";
+    return NULL;
+}
+
+// An own session goes on. One of nobody makes way.
 static bool take_station(struct sessions *s, int station, const char *trainee,
                          arthron_CommandReply *reply) {
     struct station_slot *slot = &s->slots[station];
     struct station_status status;
     station_slot_status(slot, &status);
-    bool is_used = status.phase != SLOT_EMPTY && status.about.trainee[0] &&
-                   (status.state == SESSION_RUNNING || status.state == SESSION_PAUSED);
     if (!trainee[0])
         return reply_refuse(reply, "who takes a station is a trainee");
-    if (is_used && !is_of(&status, trainee))
-        return reply_refuse(reply, "station %s: somebody else trains there",
-                            station_name(s, station));
+    const char *why = in_the_way(&status, trainee);
+    if (why)
+        return reply_refuse(reply, "station %s: %s", station_name(s, station), why);
     if (!is_of(&status, trainee) &&
         (!course_stop(s, station, reply) || !assign(s, station, trainee, reply)))
         return false;
@@ -142,6 +151,19 @@ static bool take_station(struct sessions *s, int station, const char *trainee,
            (status.state == SESSION_RUNNING && is_of(&status, trainee)
                 ? (reply->ok = true)
                 : course_input(s, station, INPUT_START, SESSION_RUNNING, reply));
+}
+
+// Trainees end their own, and the station is free for the next.
+static bool stop(struct sessions *s, int station, const char *trainee,
+                 arthron_CommandReply *reply) {
+    struct station_status status;
+    station_slot_status(&s->slots[station], &status);
+    if (trainee[0] && !is_of(&status, trainee))
+        return reply_refuse(reply, "station %s: it has no session of yours",
+                            station_name(s, station));
+    if (!course_stop(s, station, reply))
+        return false;
+    return !trainee[0] || assign(s, station, "", reply);
 }
 
 // The long part, the other session run again, comes before the command lock.
@@ -193,7 +215,7 @@ static void command_session(struct sessions *s, const char *actor, const arthron
     if (command->kind == arthron_Command_Kind_PAUSE)
         course_input(s, station, INPUT_PAUSE, SESSION_PAUSED, reply);
     else if (command->kind == arthron_Command_Kind_STOP)
-        course_stop(s, station, reply);
+        stop(s, station, command->trainee, reply);
     else if (command->kind == arthron_Command_Kind_UNDO)
         ask_for_undo(s, station, reply);
     else if (command->kind == arthron_Command_Kind_NOTE)

@@ -272,13 +272,19 @@ static void an_exam_is_withheld_and_practice_is_not(void **state) {
                                  .goals_count = 2,
                                  .errors_count = 1,
                                  .occurrences_count = 3,
+                                 .time_ns = 5,
+                                 .last_step = 6,
+                                 .end = arthron_AttemptState_End_DONE,
                                  .verdict = arthron_AttemptState_Verdict_PASSED};
     attempt_state_withhold(&told);
     assert_int_equal(told.goals_count, 2);
+    assert_int_equal(told.end, arthron_AttemptState_End_DONE);
     told.purpose = arthron_AttemptState_Purpose_EXAM;
     attempt_state_withhold(&told);
     assert_int_equal(told.goals_count + told.errors_count + told.occurrences_count, 0);
     assert_int_equal(told.verdict, arthron_AttemptState_Verdict_OPEN);
+    assert_int_equal(told.end, arthron_AttemptState_End_ENDED);
+    assert_int_equal(told.time_ns + (int64_t)told.last_step, 0);
 }
 
 int main(void) {

@@ -51,8 +51,9 @@ class Exports(unittest.TestCase):
         self.assertIn("no column 'prob_*'", refused.stderr)
 
     def test_an_unknown_column_is_named_and_the_known_ones_are_listed(self):
-        known = list(self.table("--columns", "*")[0])
-        refused = call("arthron-trace", "export", self.trace, "--csv", "-", "--columns", "step,punch_tx_m", code=1)
+        known = list(self.table("--case", self.case, "--columns", "*")[0])
+        refused = call("arthron-trace", "export", self.trace, "--csv", "-", "--case", self.case,
+                       "--columns", "step,punch_tx_m", code=1)
         *listed, why = refused.stderr.splitlines()
         self.assertEqual((refused.stdout, [name.strip() for name in listed]), ("", known))
         self.assertIn("no column 'punch_tx_m'; did you mean 'punch_tx_mm'?", why)

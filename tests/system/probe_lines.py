@@ -23,7 +23,7 @@ class Probe(SystemTest):
         self.assertEqual([(row["slave"], row["baud"], row["stop_bits"], row["sequence"]) for row in found["modbus"]],
                          [(1, 19200, 2, 0), (2, 19200, 2, 0)])
         for row in found["modbus"]:
-            self.assertEqual(len(row["registers"]), 46)
+            self.assertEqual(len(row["registers"]), 48)
             low, high = row["registers"][14:16]  # varus
             self.assertAlmostEqual(struct.unpack(">f", struct.pack(">HH", high, low))[0], 1.3, places=5)
         text = found["config"]

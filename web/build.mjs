@@ -48,6 +48,27 @@ function check(out, folder, types) {
   run(join(bin, "tsc"), "--project", join(out, "tsconfig.json"));
 }
 
+// Text of three's shaders that no view compiles: of physical and toon materials and of shadows.
+const UNUSED_SHADERS = ["clearcoat_normal_fragment_begin", "clearcoat_normal_fragment_maps", "clearcoat_pars_fragment",
+  "cube_uv_reflection_fragment", "envmap_physical_pars_fragment", "gradientmap_pars_fragment", "iridescence_fragment",
+  "iridescence_pars_fragment", "lights_physical_fragment", "lights_physical_pars_fragment", "lights_toon_fragment",
+  "lights_toon_pars_fragment", "shadowmap_pars_fragment", "shadowmap_pars_vertex", "shadowmap_vertex",
+  "shadowmask_pars_fragment", "transmission_fragment", "transmission_pars_fragment"];
+
+function withoutUnusedShaders(three) {
+  for (const name of UNUSED_SHADERS) {
+    const shorter = three.replace(new RegExp(`^var ${name} = ".*";$`, "m"), `var ${name} = "";`);
+    if (shorter === three) throw new Error(`three has no shader text ${name}`);
+    three = shorter;
+  }
+  return three;
+}
+
+const smallThree = {
+  name: "small-three",
+  setup: ({ onLoad }) => onLoad({ filter: /three\.module\.js$/ }, ({ path }) => ({ contents: withoutUnusedShaders(readFileSync(path, "utf8")) })),
+};
+
 const common = (out) => ({
   absWorkingDir: web,
   bundle: true,
@@ -84,7 +105,7 @@ function entries(result, pages) {
 async function bundlePages(out) {
   const pages = join(out, "pages");
   rmSync(pages, { recursive: true, force: true });
-  const options = { ...common(out), outdir: pages, minify: true, entryNames: "[name]-[hash]", chunkNames: "[name]-[hash]",
+  const options = { ...common(out), outdir: pages, minify: true, plugins: [smallThree], entryNames: "[name]-[hash]", chunkNames: "[name]-[hash]",
     assetNames: "[name]-[hash]", loader: { ".svg": "file" } };
   const names = {
     ...entries(await build({ ...options, entryPoints: ["src/main.tsx"], format: "esm", splitting: true }), pages),

@@ -80,21 +80,6 @@ export function button(label: string, click: (event: MouseEvent) => void, { kind
   return h("button", { type: "button", ...props, class: `button ${kind} ${props.class ?? ""}`, on: { click } }, glyph && icon(glyph), label);
 }
 
-/** A button that opens a panel of `parts`. It closes where the focus leaves it, and with Escape. */
-export function drop(label: string, parts: Child[], kind = ""): HTMLDetailsElement {
-  const details = h("details", { class: `drop ${kind}` }, h("summary", { class: "button" }, label), h("div", { class: "drop-panel", tabindex: -1 }, ...parts));
-  details.addEventListener("focusout", (event) => {
-    if (event.relatedTarget && !details.contains(event.relatedTarget as Node)) details.open = false;
-  });
-  details.addEventListener("keydown", (event) => {
-    if (event.key !== "Escape" || !details.open) return;
-    details.open = false;
-    details.querySelector("summary")!.focus();
-    event.stopPropagation();
-  });
-  return details;
-}
-
 let fields = 0;
 
 /** A label over its input, with a line for a hint or for what is wrong that is there from the start. */
@@ -103,13 +88,6 @@ export function field(label: string, input: HTMLInputElement | HTMLSelectElement
   const line = h("p", { class: "hint", id: `${input.id}-hint`, data: { hint } }, hint);
   input.setAttribute("aria-describedby", line.id);
   return h("div", { class: "field" }, h("label", { for: input.id }, label), input, line);
-}
-
-export function setHint(input: HTMLElement, hint: string): void {
-  const line = document.getElementById(`${input.id}-hint`);
-  if (!line) return;
-  line.dataset.hint = hint;
-  setText(line, hint);
 }
 
 /** What is wrong with an input that `field` was made of, for eyes and readers; "" for nothing. */
@@ -174,28 +152,6 @@ export function dialog(title: string, body: Child[], actions: Child[] = [], clos
   document.body.append(element);
   element.showModal();
   return { element, close: () => element.close() };
-}
-
-/**
- * Asks before an action that cannot be undone. `act` may fail: the dialog stays and shows why. What `act`
- * returns is called after the dialog has closed.
- */
-export function confirm(title: string, hint: string, label: string, act: () => Promise<void | (() => void)>): void {
-  const fault = h("p", { class: "fault", role: "alert" });
-  const go = button(label, () => void run(), { kind: "danger" });
-  let then: void | (() => void);
-  const shown = dialog(title, [h("p", {}, hint), fault], [button(text.cancel, () => shown.close()), go], () => then?.());
-  const run = async (): Promise<void> => {
-    go.disabled = true;
-    try {
-      then = await act();
-      shown.close();
-    } catch (error) {
-      setText(fault, explain(error));
-      go.disabled = false;
-    }
-  };
-  shown.element.querySelector<HTMLButtonElement>("footer button")?.focus();
 }
 
 /**

@@ -1,7 +1,7 @@
 // What the socket said, as signals. Many messages between two frames are one change.
-import { useSignal, type ReadonlySignal, type Signal } from "@preact/signals";
+import { useSignal, type ReadonlySignal } from "@preact/signals";
 import { useEffect, useLayoutEffect } from "preact/hooks";
-import type { Feed, Kind, StationState, ValueOf, WatchInit } from "../live";
+import type { Feed, StationState, WatchInit } from "../live";
 
 /**
  * Watches as long as the component is there. `key` names what: another one is watched anew. What a passive effect cleans
@@ -34,22 +34,6 @@ export function useStations(feed: Feed): ReadonlySignal<readonly StationState[]>
     };
   }, [feed]);
   return stations;
-}
-
-/** The newest message of a kind; undefined: none has come since the component is there. */
-export function useMessage<K extends Kind>(feed: Feed, kind: K, wanted: (value: ValueOf<K>) => boolean = () => true): ReadonlySignal<ValueOf<K> | undefined> {
-  const newest: Signal<ValueOf<K> | undefined> = useSignal<ValueOf<K> | undefined>(undefined);
-  useEffect(() => feed.on(kind, (value) => {
-    if (wanted(value)) newest.value = value as ValueOf<K> | undefined;
-  }), [feed, kind]);
-  return newest;
-}
-
-/** For how long what is shown has been old, in ms, told each second; undefined: it is not. */
-export function useLost(feed: Feed): ReadonlySignal<number | undefined> {
-  const lost = useSignal(feed.lostMs());
-  useEverySecond(() => (lost.value = feed.lostMs()));
-  return lost;
 }
 
 /** Now and each second, as long as the component is there. */

@@ -91,9 +91,6 @@ export interface Alarm {
   stations: string[]; // none: the server itself
 }
 
-/** Notices need no instructor: whoever looks after the equipment reads them. */
-export const isForTechnician = ({ urgency }: Alarm): boolean => urgency === 1;
-
 /** In the order in which the first of each came. */
 export function grouped(warnings: readonly Warning[]): Alarm[] {
   const found = new Map<string, Alarm>();

@@ -39,3 +39,5 @@ export const leaveCommand = (station: string): CommandInit => ({ kind: Command_K
 export const helpCommand = (station: string): CommandInit => ({ kind: Command_Kind.HELP, station });
 /** The trainee's session begins at the station, where nobody else's runs. */
 export const takeCommand = (station: string): CommandInit => ({ kind: Command_Kind.TAKE, station });
+/** Ends the trainee's session; the station is then free for the next. */
+export const stopCommand = (station: string): CommandInit => ({ kind: Command_Kind.STOP, station });

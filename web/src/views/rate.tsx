@@ -1,5 +1,5 @@
 // #/rate: what I have to rate; #/rate/SESSION/NUMBER: the ASSET form beside the replay through the scope, without names.
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { part } from "../api";
 import type { App } from "../app";
 import { Await, Badge, Button, Empty, Head, toast, toastFault, useLoaded, view, type ViewProps } from "../kit";
@@ -54,7 +54,7 @@ function Replay({ app, attempt }: { app: App; attempt: AttemptRow }) {
   const [span, setSpan] = useState<{ from: number; to: number }>();
   const [time, setTime] = useState(0);
   const [playing, setPlaying] = useState(false);
-  useEffect(() => {
+  useLayoutEffect(() => { // what watches ends before the next view watches
     const steps = new StepTimes();
     const end = app.feed.on("moment", ({ step, timeNs }) => steps.add(Number(step), Number(timeNs) * 1e-9));
     const source = FeedSource.recorded(app.feed, attempt.session, RATE_HZ);

@@ -1,17 +1,18 @@
 // #/train/STATION: the station runs itself. Who, today, briefing, do, feedback; then again, next or leave.
-import { useEffect, useMemo, useRef, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import { SessionState } from "wire";
 import type { Account } from "../api";
 import type { App } from "../app";
-import { explain } from "../explain";
+import { explain, whyOf } from "../explain";
 import { nameInWords } from "../groups";
 import { LOST, SEEN, STATE, toolAt } from "../history";
 import { isOptic } from "../instruments";
 import { Await, Badge, Button, confirm, Empty, Icon, toast, toastFault, useLoaded, view, type ViewProps } from "../kit";
+import type { CommandInit } from "../live";
 import { routeTo, type Route } from "../router";
 import { FeedSource } from "../source";
 import { Clip } from "../teach/clip";
-import { attemptOf, beginCommand, helpCommand, leaveCommand, takeCommand } from "../teach/live_attempt";
+import { attemptOf, beginCommand, helpCommand, leaveCommand, stopCommand, takeCommand } from "../teach/live_attempt";
 import { clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Step, type Task, type Today } from "../teach/model";
 import { Bar, useTick } from "../teach/parts";
 import { format, text } from "../text";
@@ -92,7 +93,7 @@ interface LiveState {
 /** The station's session with its last attempt, as it changes. */
 function useLive(app: App, station: string): LiveState | undefined {
   const [state, setState] = useState<LiveState>();
-  useEffect(() => {
+  useLayoutEffect(() => { // what watches ends before the next view watches
     const steps = new StepTimes();
     const source = FeedSource.live(app.feed, station, RATE_HZ, KEPT);
     let session = "";
@@ -125,7 +126,15 @@ function Trainee({ station, route, app, account }: { station: string; route: Rou
   const [chosen, setChosen] = useState<Chosen>();
   const [closed, setClosed] = useState(0); // the number of the attempt whose feedback was read
   const attempt = live?.attempt;
-  const leave = (): void => void app.signOut().catch(toastFault);
+  // Whether there is a session to be ended the server knows.
+  const leave = async (): Promise<void> => {
+    try {
+      if (live?.source.session) await app.feed.command(stopCommand(station));
+      await app.signOut();
+    } catch (error) {
+      toastFault(error);
+    }
+  };
   const choose = async (task: string, hand: Hand): Promise<void> => {
     try {
       const { task: found } = await app.api.get<{ task: Task }>(`/tasks/${encodeURIComponent(task)}`);
@@ -137,12 +146,12 @@ function Trainee({ station, route, app, account }: { station: string; route: Rou
   };
   if (live && attempt && attempt.end === "") return <Do app={app} route={route} station={station} live={live} attempt={attempt} />;
   if (live && attempt && attempt.number !== closed)
-    return <Feedback app={app} live={live} attempt={attempt} leave={leave} again={() => void choose(attempt.task, attempt.hand)} next={() => {
+    return <Feedback app={app} live={live} attempt={attempt} leave={() => void leave()} again={() => void choose(attempt.task, attempt.hand)} next={() => {
       setClosed(attempt.number);
       setChosen(undefined);
     }} />;
   if (chosen) return <Briefing app={app} station={station} live={live} chosen={chosen} back={() => setChosen(undefined)} />;
-  return <TodayCard app={app} account={account} choose={choose} leave={leave} />;
+  return <TodayCard app={app} account={account} choose={choose} leave={() => void leave()} />;
 }
 
 // ---- today -----------------------------------------------------------------------------------------------
@@ -215,20 +224,19 @@ function Briefing({ app, station, live, chosen, back }: { app: App; station: str
   useTick(250);
   const tools = (task.tools?.length ? task.tools : USUAL_TOOLS).map((name) => ({ name, seen: live !== undefined && isSeen(live, name) }));
   const ready = tools.every(({ seen }) => seen);
-  useEffect(() => {
-    void app.feed.command(takeCommand(station)).then((reply) => setFault(reply.ok ? "" : `${reply.text}. ${words.takenHint}`), (error: unknown) => setFault(explain(error)));
-  }, [station]);
-  const start = async (): Promise<void> => {
+  const send = async (command: CommandInit, refused: (why: string) => string): Promise<void> => {
     setBusy(true);
     setFault("");
     try {
-      const reply = await app.feed.command(beginCommand(station, task.name, "practice", hand));
-      if (!reply.ok) setFault(words.refused(reply.text));
+      const reply = await app.feed.command(command);
+      if (!reply.ok) setFault(refused(whyOf(reply.why, reply.text)));
     } catch (error) {
       setFault(explain(error));
     }
     setBusy(false);
   };
+  const take = (): void => void send(takeCommand(station), (why) => `${why} ${words.takenHint}`);
+  const start = (): void => void send(beginCommand(station, task.name, "practice", hand), words.refused);
   return (
     <section class="train-card briefing">
       <h2>{task.title}</h2>
@@ -243,7 +251,8 @@ function Briefing({ app, station, live, chosen, back }: { app: App; station: str
       <p class="fault" role="alert">{fault || (live ? trouble(live) : "")}</p>
       <div class="train-actions">
         <Button onClick={back}>{words.back}</Button>
-        <Button kind={ready ? "primary" : "plain"} class="huge" disabled={busy || !live?.source.session} onClick={() => void start()}>{ready ? words.start : words.startAnyway}</Button>
+        {live && runs(live) ? <Button kind={ready ? "primary" : "plain"} class="huge" disabled={busy} onClick={start}>{ready ? words.start : words.startAnyway}</Button>
+          : <Button kind="primary" class="huge" disabled={busy || !live} onClick={take}>{words.take}</Button>}
       </div>
     </section>
   );
@@ -251,9 +260,13 @@ function Briefing({ app, station, live, chosen, back }: { app: App; station: str
 
 const sentenceOf = (words: string): string => `${words.charAt(0).toUpperCase()}${words.slice(1)}.`;
 
+/** Whether an own session runs. */
+const runs = ({ source: { session, history } }: LiveState): boolean =>
+  session !== undefined && history.count > 0 && history.value(history.count - 1, STATE) === SessionState.RUNNING;
+
 function trouble({ source }: LiveState): string {
   const words = text.teach.train;
-  return source.session || !source.trouble ? "" : `${words.noStation}. ${words.noStationHint}`;
+  return source.session || source.refused || !source.trouble ? "" : `${words.noStation}. ${words.noStationHint}`;
 }
 
 // ---- do --------------------------------------------------------------------------------------------------
@@ -265,14 +278,12 @@ function Do({ app, route, station, live, attempt }: { app: App; route: Route; st
   const told = useRef({ number: 0, time: 0, at: 0 });
   const now = useTick(200);
   const exam = attempt.purpose === "exam";
-  useEffect(() => {
+  useLayoutEffect(() => {
     const scope = new Scope(place.current!, { ...route, args: [station] }, app, { source: live.source, plain: exam });
     return () => scope.close();
   }, [live.source, attempt.number]);
   if (told.current.number !== attempt.number || told.current.time !== attempt.time_s) told.current = { number: attempt.number, time: attempt.time_s, at: now };
-  const { history } = live.source;
-  const runs = history.count > 0 && history.value(history.count - 1, STATE) === SessionState.RUNNING;
-  const time = Math.min(attempt.limit_s, attempt.time_s + (runs ? (now - told.current.at) / 1000 : 0));
+  const time = Math.min(attempt.limit_s, attempt.time_s + (runs(live) ? (now - told.current.at) / 1000 : 0));
   const met = goalsMet(attempt);
   const next = attempt.goals.find(({ met_s }) => met_s === null);
   const send = (command: Parameters<App["feed"]["command"]>[0]): Promise<void> => app.feed.command(command).then((reply) => {

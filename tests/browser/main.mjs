@@ -21,12 +21,13 @@ import { tests as load } from "./tests/load.mjs";
 import { tests as memory } from "./tests/memory.mjs";
 import { tests as people } from "./tests/people.mjs";
 import { tests as restart } from "./tests/restart.mjs";
+import { tests as teach } from "./tests/teach.mjs";
 import { tests as throttle } from "./tests/throttle.mjs";
 
 // Each line's suites run side by side, so they use different stations. The tests that sign in come first, those of
 // views without a session before all stations run, and those that stop the server last.
 const STAGES = [
-  { runner: runs }, { "sign-in": signIn }, { wall, station }, { scope }, { force }, { debrief }, { memory, views }, { keyboard }, { load }, { people },
+  { runner: runs }, { "sign-in": signIn }, { wall, station }, { scope }, { force }, { teach }, { debrief }, { memory, views }, { keyboard }, { load }, { people },
   { restart }, { throttle },
 ];
 

@@ -1,5 +1,5 @@
 // A server with its records and pages, stations and mock-ups, on free ports, in a folder of its own.
-import { appendFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { appendFileSync, cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { call, callJson, freePort, Program, sleep, until } from "./programs.mjs";
@@ -63,6 +63,7 @@ export class Testbed {
   // ---- what is there before -----------------------------------------------------------------------
 
   async #makeCases() {
+    cpSync(join(this.source, "cases/tasks"), this.path("cases/tasks"), { recursive: true });
     await Promise.all(CASES.map((name) => call("arthron-case", "generate", join(this.source, "cases", name), "--out", this.path("cases", name))));
   }
 
@@ -253,19 +254,26 @@ tool.scope = scope
     await until(`${name} runs`, async () => (await this.station(name)).state === "running");
   }
 
-  /** A simulated station that no other test uses, with a session of `trainee` running; `work` with it, and then its end. */
-  async withOwnStation(name, trainee, work) {
+  /** A simulated station that no other test uses, connected; `work` with it, and then its end. */
+  async withConnected(name, work) {
     await this.enrolled;
     this.startSimulated(name, 1);
     try {
       await until(`${name} is there`, async () => (await this.station(name)).connected);
-      await this.session("assign", name, trainee);
-      await this.session("stop", name).catch(() => {}); // one that began before
-      await this.#runs(name);
       await work();
     } finally {
       await this.stations[name]?.end();
     }
+  }
+
+  /** A simulated station that no other test uses, with a session of `trainee` running; `work` with it, and then its end. */
+  async withOwnStation(name, trainee, work) {
+    await this.withConnected(name, async () => {
+      await this.session("assign", name, trainee);
+      await this.session("stop", name).catch(() => {}); // one that began before
+      await this.#runs(name);
+      await work();
+    });
   }
 
   /** A session of a station from its beginning until `enough` is done, and some seconds at least: {id, resection}. */

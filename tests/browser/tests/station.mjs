@@ -245,7 +245,7 @@ async function traineeOf({ browser, users }, name) {
   await page.getByRole("tab", { name: "With a code" }).click();
   await page.getByLabel("Sign-in code").fill(code);
   await page.getByRole("button", { name: "Sign in" }).click();
-  await page.getByRole("heading", { name: "Sessions" }).waitFor();
+  await page.getByRole("heading", { name: "My course" }).waitFor();
   return page;
 }
 

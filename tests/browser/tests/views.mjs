@@ -20,7 +20,7 @@ export const viewsOf = async (testbed) => [
 ];
 
 // Its fonts are there, it has another size or other colours, and two pictures were drawn since.
-async function settled(page) {
+export async function settled(page) {
   await page.evaluate(async () => {
     await document.fonts.ready;
     for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);

@@ -12,7 +12,7 @@ async function a_station_comes_degrades_goes_and_comes_back({ testbed, browser, 
   await absent.getByText(/^\d+ stations not connected$/).click(); // others come and go in other lanes
   await absent.getByRole("link", { name: "room-2", exact: true }).waitFor();
   await testbed.enrol("room-2"); // the tracker's time runs from the mock-up's start
-  await testbed.startMockup("room-2", { faults: [["dropout", 4, 3]] });
+  await testbed.startMockup("room-2", { faults: [["dropout", 8, 10]] }); // late and long enough for a busy machine
   const station = await testbed.startStation("room-2");
   await standing(page, "room-2", "running");
   await card(page, "room-2").getByText("bert").waitFor();

@@ -1,0 +1,104 @@
+// Who trains at a station without an instructor, and who plans, follows and rates what they do.
+import assert from "node:assert/strict";
+import { SIZES } from "../browser.mjs";
+import { settled } from "./views.mjs";
+
+const STATION = "sim-21"; // its case is healthy
+const TASK = "steady-camera";
+const FEEDBACK_S = 5;
+const LOOKS = [["wide", "light"], ["tablet", "dark"]];
+
+const press = (where, name) => where.getByRole("button", { name, exact: true }).click();
+
+/** What the instructor asks of the API, beside the pages. */
+const asker = async ({ browser, users }) => {
+  const page = await browser.page(await browser.context(users.instructor), "#/nowhere");
+  return (method, path, body) => page.evaluate(async (of) => {
+    const response = await fetch(`/api/v1${of.path}`, { method: of.method, ...(of.body && { headers: { "Content-Type": "application/json" }, body: JSON.stringify(of.body) }) });
+    if (!response.ok) throw new Error(`${of.path}: ${await response.text()}`);
+    return response.status === 204 ? undefined : response.json();
+  }, { method, path, body });
+};
+
+/** A course with a plan of one task, and a trainee in it. */
+async function makeCourse(ask, { testbed }) {
+  const [course, trainee] = [testbed.newName("arthroscopy"), testbed.newName("eva")];
+  await ask("POST", "/courses", { name: course });
+  await ask("POST", "/trainees", { name: trainee });
+  await ask("POST", `/courses/${course}/trainees`, { trainee });
+  await ask("PUT", `/courses/${course}/curriculum`, { version: 0, state: "published", tasks: [{ task: TASK, week: 1, passes: 2 }, { task: "palpation", week: 2 }] });
+  return { course, trainee };
+}
+
+async function look({ browser }, page, name) {
+  for (const [size, colorScheme] of LOOKS) {
+    await page.setViewportSize(SIZES[size]);
+    await page.emulateMedia({ colorScheme });
+    await settled(page);
+    await browser.picture(page, `${name}-${size}-${colorScheme}`);
+    await browser.check(page, `${name}, ${size}, ${colorScheme}`);
+    const wider = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+    assert.ok(wider <= 0, `${name}, ${size}: ${wider} px wider than the screen`);
+  }
+}
+
+async function a_trainee_runs_a_station_alone(world) {
+  const { testbed, browser, report } = world;
+  const ask = await asker(world);
+  const { trainee } = await makeCourse(ask, world);
+  const { code } = await ask("POST", `/trainees/${trainee}/code`, {});
+  await testbed.withConnected(STATION, async () => {
+    const page = await browser.page(await browser.context(), `#/train/${STATION}`, [/status of 401/, /WebSocket connection/]);
+    await page.getByLabel("Your code").fill(code);
+    await look(world, page, "train-who");
+    await press(page, "Sign in");
+    await page.getByRole("heading", { name: `Today, ${trainee}` }).waitFor();
+    await page.getByText("Next: Steady camera").waitFor();
+    await look(world, page, "train-today");
+    await press(page, "Begin");
+    await press(page, "Take this station");
+    const start = page.getByRole("button", { name: /^Start/ });
+    await start.waitFor();
+    assert.equal((await testbed.station(STATION)).trainee, trainee);
+    await look(world, page, "train-briefing");
+    await start.click();
+    await page.getByText("Step 1 of 3").waitFor();
+    await look(world, page, "train-do");
+    await press(page, "End attempt");
+    await press(page.locator("dialog"), "End attempt");
+    const ended = performance.now();
+    await page.locator("[data-verdict='not yet']").waitFor();
+    report.strictMark("feedback_s", (performance.now() - ended) / 1000, "s", FEEDBACK_S);
+    await look(world, page, "train-feedback");
+    await press(page, "Leave");
+    await page.getByRole("heading", { name: "Who trains?" }).waitFor();
+    const { state, trainee: next } = await testbed.station(STATION);
+    assert.deepEqual([state, next], ["closed", trainee], "the session has ended");
+    const { attempts } = await ask("GET", `/attempts?trainee=${trainee}`);
+    assert.deepEqual(attempts.map(({ task, verdict, end }) => [task, verdict, end]), [[TASK, "not yet", "left"]]);
+  });
+}
+
+async function a_director_and_a_rater_open_their_pages(world) {
+  const { testbed, browser, users } = world;
+  const ask = await asker(world);
+  const { course, trainee } = await makeCourse(ask, world);
+  const { exam } = await ask("POST", "/exams", { course, trainee, title: "Camera", tasks: [TASK], cases: ["healthy"] });
+  const { attempts: [tried] } = await ask("GET", `/attempts?task=${TASK}`);
+  const page = await browser.page(await browser.context(users.instructor), "#/courses");
+  const views = [
+    ["courses", "#/courses", page.getByRole("heading", { name: course })],
+    ["course-plan", `#/courses/${course}/plan`, page.getByText("Library")],
+    ["course-progress", `#/courses/${course}`, page.getByRole("table")],
+    ["exams", "#/exams", page.getByRole("link", { name: "Camera" }).first()],
+    ["exam", `#/exams/${exam.id}`, page.getByRole("button", { name: "Begin sealed exam" })],
+    ["rate", tried ? `#/rate/${tried.session}/${tried.number}` : "#/rate", page.getByRole("heading").first()],
+  ];
+  for (const [name, hash, there] of views) {
+    await page.goto(`${browser.url}/${hash}`);
+    await there.first().waitFor();
+    await look(world, page, name);
+  }
+}
+
+export const tests = [a_trainee_runs_a_station_alone, a_director_and_a_rater_open_their_pages];

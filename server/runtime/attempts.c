@@ -59,6 +59,18 @@ void attempts_begin(struct worker *worker, struct station_runtime *station) {
         end(worker, station, false);
 }
 
+// What was done before it is no part of it: the tissue is whole, and loose bodies lie where they lay
+// first. One step is taken in any case, so that its begin has the time of a step, also after a kill.
+static void prepare(struct worker *worker, struct station_runtime *station) {
+    bool is_paused = station->state == SESSION_PAUSED;
+    bool is_changed = session_is_changed(station->session->session);
+    if (is_changed)
+        step_void_undo(worker, station);
+    step_without_frame(worker, station, is_changed ? INPUT_RESET : INPUT_EMPTY);
+    if (is_changed && is_paused)
+        step_without_frame(worker, station, INPUT_PAUSE);
+}
+
 static bool begin(struct worker *worker, struct station_runtime *station,
                   struct session_attempt *attempt) {
     struct session_runtime *session = station->session;
@@ -66,8 +78,9 @@ static bool begin(struct worker *worker, struct station_runtime *station,
     if (!session || session->serial != attempt->session || session->attempt || station->ending ||
         !trace_takes_attempts(session->trace))
         return false;
+    prepare(worker, station);
     attempt->number = session->attempts + 1;
-    attempt->begun_ns = step_now_ns(station) - session->snapshots.start_ns;
+    attempt->begun_ns = station->last_step_ns - session->snapshots.start_ns;
     attempt_init(&attempt->attempt);
     attempt_begun(attempt, &begun);
     if (!trace_append_begun(session->trace, &begun)) {

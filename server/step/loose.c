@@ -63,6 +63,17 @@ void loose_reset(struct loose *loose) {
     }
 }
 
+bool loose_has_moved(const struct loose *loose) {
+    bool moved = false;
+    for (int i = 0; i < loose->knee->loose_count; i++) {
+        const struct loose_one *one = &loose->bodies[i];
+        const pose *first = &loose->ground->first[i];
+        moved |= one->state != LOOSE_LYING || one->carrier != (int)loose->knee->loose[i].body ||
+                 vec3_distance(one->T_carrier.translation, first->translation) > 0;
+    }
+    return moved;
+}
+
 // ---- one step -----------------------------------------------------------------------------------
 
 struct stepping {

@@ -23,6 +23,7 @@ struct loose;
 struct loose *loose_create(const struct knee_case *knee, const struct loose_ground *ground);
 void loose_destroy(struct loose **loose); // NULL inside is fine
 void loose_reset(struct loose *loose);    // back to their first places
+bool loose_has_moved(const struct loose *loose); // one is not at its first place
 
 // How an open jaw comes to hold and to let go, by its opening from 0 to 1: it holds what lies
 // between its jaws as it closes below the first, and lets go above the second.

@@ -100,6 +100,13 @@ void session_destroy(struct session **session) {
     *session = NULL;
 }
 
+bool session_is_changed(const struct session *s) {
+    bool changed = s->loose && loose_has_moved(s->loose);
+    for (int t = 0; t < s->scene->tissue_count; t++)
+        changed |= s->touched[t];
+    return changed;
+}
+
 // ---- inputs -------------------------------------------------------------------------------------
 
 static enum session_state next_state(enum session_state state, enum input_kind kind) {

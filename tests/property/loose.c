@@ -309,6 +309,7 @@ static void what_passes_the_portal_is_out(void **state) {
             struct run r = start();
             take_out(&r, i, portal);
             is_out = r.out.loose[i].state == LOOSE_OUT;
+            assert_true(!is_out || session_is_changed(r.session));
             assert_true(is_out == ((r.events & EVENT_TAKEN_OUT) != 0));
             open_to(&r, 1);
             assert_true(!is_out || r.out.loose[i].state == LOOSE_OUT);

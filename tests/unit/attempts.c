@@ -182,6 +182,41 @@ static void a_reset_and_the_end_of_the_session_leave_it(void **state) {
     sessions_destroy(&sessions);
 }
 
+static int resets(const char *trace) {
+    struct trace_reader *reader;
+    struct trace_record record;
+    struct error err;
+    int count = 0;
+    assert_ok(trace_reader_create(trace, &reader, &err));
+    while (trace_read(reader, &record, &err) == RESULT_OK)
+        count += record.type == TRACE_STEP && record.input.kind == INPUT_RESET;
+    trace_reader_destroy(&reader);
+    return count;
+}
+
+static void what_was_done_before_is_no_part_of_it(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    begin_task(sessions, "soon");
+    wait_for_end(sessions);
+    assert_int_equal(resets(hall_status(sessions).about.trace), 0);
+    hall_shave_part(sessions, 0, 0.3);
+    assert_true(hall_last_tissues(sessions).figures[0].cuts > 0);
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    begin_task(sessions, "late");
+    assert_int_equal(hall_last_tissues(sessions).figures[0].cuts, 0);
+    assert_int_equal(hall_status(sessions).state, SESSION_PAUSED);
+    ask(sessions, (arthron_Command){.kind = arthron_Command_Kind_LEAVE});
+    hall_command(sessions, arthron_Command_Kind_START);
+    begin_task(sessions, "soon");
+    wait_for_end(sessions);
+    const struct found *found = judge_all(sessions, 3);
+    assert_int_equal(found->all[1].attempt.cut, 0);
+    assert_int_equal(found->all[1].ended.time_ns, 0);
+    assert_int_equal(resets(hall_status(sessions).about.trace), 1);
+    sessions_destroy(&sessions);
+}
+
 static void a_pause_does_not_count(void **state) {
     (void)state;
     struct sessions *sessions = begin();
@@ -292,6 +327,7 @@ int main(void) {
         cmocka_unit_test(an_attempt_is_judged_told_and_in_the_trace),
         cmocka_unit_test(one_runs_at_a_time_until_it_is_left),
         cmocka_unit_test(a_reset_and_the_end_of_the_session_leave_it),
+        cmocka_unit_test(what_was_done_before_is_no_part_of_it),
         cmocka_unit_test(a_pause_does_not_count),
         cmocka_unit_test(the_next_server_goes_on_with_it),
         cmocka_unit_test(who_trains_may_practise_in_an_own_session_alone),

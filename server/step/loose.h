@@ -21,8 +21,8 @@ void loose_ground_destroy(struct loose_ground **ground); // NULL inside is fine
 struct loose;
 
 struct loose *loose_create(const struct knee_case *knee, const struct loose_ground *ground);
-void loose_destroy(struct loose **loose); // NULL inside is fine
-void loose_reset(struct loose *loose);    // back to their first places
+void loose_destroy(struct loose **loose);        // NULL inside is fine
+void loose_reset(struct loose *loose);           // back to their first places
 bool loose_has_moved(const struct loose *loose); // one is not at its first place
 
 // How an open jaw comes to hold and to let go, by its opening from 0 to 1: it holds what lies

@@ -15,7 +15,7 @@ struct judging {
     struct site *site;
     struct attempt attempt;
     enum result result;
-    struct error *err;
+    struct error refused; // why the first that was
 };
 
 static bool is_as_recorded(const struct attempt *a, enum verdict verdict,
@@ -36,23 +36,27 @@ static void tell(struct judging *j, const struct trace_outcome *ended) {
     site_destroy(&j->site);
 }
 
+// One that is refused is passed over: those behind it may be good.
 static bool on_begun(void *user, const struct trace_attempt *begun) {
     struct judging *j = user;
+    struct error err;
     char name[TASK_NAME_MAX + 8];
     if (j->runs) // its end is lost
         tell(j, NULL);
     j->begun = *begun;
     snprintf(name, sizeof name, "%s.ini", begun->task);
-    enum result result = task_parse(name, begun->text, begun->size, &j->task, j->err);
+    enum result result = task_parse(name, begun->text, begun->size, &j->task, &err);
     j->begun.text = NULL;
     if (result == RESULT_OK)
         result = site_create(&j->task, j->scene, &j->header->settings.instruments,
-                             &j->header->optic, &j->site, j->err);
-    if (result != RESULT_OK)
-        j->result = fail_in(j->err, RESULT_REFUSED, "attempt %u: ", begun->number);
+                             &j->header->optic, &j->site, &err);
+    if (result != RESULT_OK && j->result == RESULT_OK) {
+        j->result = fail_in(&err, RESULT_REFUSED, "attempt %u: ", begun->number);
+        j->refused = err;
+    }
     j->runs = result == RESULT_OK;
     attempt_init(&j->attempt);
-    return j->runs;
+    return true;
 }
 
 static bool on_step(void *user, const struct trace_record *record) {
@@ -74,11 +78,8 @@ static bool on_ended(void *user, const struct trace_outcome *ended) {
 
 enum result judge_trace(struct trace_reader *reader, const struct scene *scene,
                         const struct attempt_taker *taker, struct error *err) {
-    struct judging j = {.header = trace_reader_header(reader),
-                        .scene = scene,
-                        .taker = taker,
-                        .result = RESULT_OK,
-                        .err = err};
+    struct judging j = {
+        .header = trace_reader_header(reader), .scene = scene, .taker = taker, .result = RESULT_OK};
     struct trace_player player = {.user = &j,
                                   .step = on_step,
                                   .begun = on_begun,
@@ -89,5 +90,9 @@ enum result judge_trace(struct trace_reader *reader, const struct scene *scene,
     if (j.runs)
         tell(&j, NULL);
     site_destroy(&j.site);
-    return j.result == RESULT_OK ? end : j.result;
+    if (end != RESULT_CLOSED || j.result == RESULT_OK)
+        return end;
+    if (err)
+        *err = j.refused;
+    return j.result;
 }

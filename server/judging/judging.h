@@ -21,6 +21,7 @@ struct attempt_taker {
 };
 
 // From the reader's place on; the scene is of the trace's case. RESULT_CLOSED: to the trace's end.
-// RESULT_REFUSED: a task is none, or cannot be done on the case. Else as trace_read.
+// RESULT_REFUSED: so too, but a task is none, or cannot be done on the case; its attempt is left
+// out, and the error names the first. Else as trace_read.
 enum result judge_trace(struct trace_reader *reader, const struct scene *scene,
                         const struct attempt_taker *taker, struct error *err);

@@ -47,11 +47,21 @@ static bool end(struct worker *worker, struct station_runtime *station, bool las
     return true;
 }
 
+// Of an attempt that this server cannot judge: its trace takes no other one before.
+static bool end_lost(struct session_runtime *session) {
+    struct trace_outcome left = {
+        .number = session->attempt_lost, .end = ATTEMPT_LEFT, .verdict = VERDICT_NOT_YET};
+    if (session->attempt_lost && trace_append_ended(session->trace, &left))
+        session->attempt_lost = 0;
+    return !session->attempt_lost;
+}
+
 void attempts_begin(struct worker *worker, struct station_runtime *station) {
     struct session_attempt *attempt = station->session->attempt;
     station->attempt_shown = (struct live_attempt){.session = station->session->serial,
                                                    .news = station->attempt_shown.news + 1};
     newest_put(station->attempts, &station->attempt_shown);
+    end_lost(station->session);
     if (!attempt)
         return;
     tell(worker, station);
@@ -59,8 +69,9 @@ void attempts_begin(struct worker *worker, struct station_runtime *station) {
         end(worker, station, false);
 }
 
-// What was done before it is no part of it: the tissue is whole, and loose bodies lie where they lay
-// first. One step is taken in any case, so that its begin has the time of a step, also after a kill.
+// What was done before it is no part of it: the tissue is whole, and loose bodies lie where they
+// lay first. One step is taken in any case, so that its begin has the time of a step, also after a
+// kill.
 static void prepare(struct worker *worker, struct station_runtime *station) {
     bool is_paused = station->state == SESSION_PAUSED;
     bool is_changed = session_is_changed(station->session->session);
@@ -76,7 +87,8 @@ static bool begin(struct worker *worker, struct station_runtime *station,
     struct session_runtime *session = station->session;
     struct trace_attempt begun;
     if (!session || session->serial != attempt->session || session->attempt || station->ending ||
-        !trace_takes_attempts(session->trace))
+        session->attempts == TRACE_ATTEMPTS_MAX || !trace_takes_attempts(session->trace) ||
+        !end_lost(session))
         return false;
     prepare(worker, station);
     attempt->number = session->attempts + 1;
@@ -106,8 +118,10 @@ bool attempts_leave(struct worker *worker, struct station_runtime *station) {
     if (!attempt || attempt->attempt.end != ATTEMPT_RUNS)
         return false;
     attempt_leave(&attempt->attempt);
-    end(worker, station, false);
-    return true;
+    bool has_ended = end(worker, station, false);
+    if (!has_ended) // the steps that follow would belong to it here, and in its trace they do
+        attempt->attempt.end = ATTEMPT_RUNS;
+    return has_ended;
 }
 
 // ---- steps --------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ void attempts_begin(struct worker *worker, struct station_runtime *station);
 // back to its owner.
 bool attempts_take(struct worker *worker, struct station_runtime *station,
                    struct session_attempt *attempt);
-// False: none runs.
+// False: none runs, or its trace has no room for the end now; then it goes on.
 bool attempts_leave(struct worker *worker, struct station_runtime *station);
 
 // Behind each step, once it is recorded.

@@ -88,6 +88,7 @@ struct session_runtime {
     struct job_result *pending;
     struct marker marked;            // too: the last marker of its trace; number 0: none
     uint32_t attempts;               // that its trace has
+    uint32_t attempt_lost;           // number of one that runs there and cannot go on; 0: none
     struct session_attempt *attempt; // NULL: none runs
 };
 

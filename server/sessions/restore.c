@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/log.h"
 #include "sessions/attempts.h"
 #include "trace/player.h"
 #include "trace/rerun.h"
@@ -49,12 +50,19 @@ static void take_marker(struct restored *a, const struct marker *marker) {
     a->marked = *marker;
 }
 
-// A copy begins without: an attempt belongs to the session in which it began.
-static enum result take_begun(const struct sessions *s, struct restored *a,
-                              const struct trace_attempt *begun, struct error *err) {
+// A copy begins without: an attempt belongs to the session in which it began. The session goes on
+// without one whose task this server refuses.
+static void take_begun(const struct sessions *s, struct restored *a, const char *path,
+                       const struct trace_attempt *begun) {
+    struct error err;
     a->attempts = begun->number;
     attempts_free(&a->attempt); // its end was lost, and the reader would have said so
-    return attempts_restore(s, a->scene, &a->header, begun, a->place.time_ns, &a->attempt, err);
+    a->attempt_lost = 0;
+    if (attempts_restore(s, a->scene, &a->header, begun, a->place.time_ns, &a->attempt, &err) ==
+        RESULT_OK)
+        return;
+    a->attempt_lost = begun->number;
+    log_error("sessions", "%s: it goes on without this attempt: %s", path, err.text);
 }
 
 // As it was left by a command, which is no step. One that was judged otherwise then is left to its
@@ -62,6 +70,7 @@ static enum result take_begun(const struct sessions *s, struct restored *a,
 static void take_ended(struct restored *a, const struct trace_outcome *ended) {
     struct session_attempt *attempt = a->attempt;
     a->attempt = NULL;
+    a->attempt_lost = 0;
     if (!attempt)
         return;
     if (ended->end == ATTEMPT_LEFT)
@@ -104,7 +113,7 @@ static bool on_record(void *user, const struct trace_record *record) {
     else if (record->type == TRACE_MARKER)
         take_marker(a, &record->marker);
     else if (record->type == TRACE_BEGUN && !r->at_s)
-        r->result = take_begun(r->sessions, a, &record->begun, r->err);
+        take_begun(r->sessions, a, r->path, &record->begun);
     else if (record->type == TRACE_ENDED)
         take_ended(a, &record->ended);
     if (r->result != RESULT_OK || r->reached)
@@ -144,6 +153,7 @@ static void make_session(const struct sessions *s, struct restored *a, struct re
     runtime->last_ns = a->place.time_ns;
     runtime->marked = a->marked;
     runtime->attempts = a->attempts;
+    runtime->attempt_lost = a->attempt_lost;
     runtime->attempt = a->attempt;
     a->attempt = NULL;
     rerun_release(rerun, &runtime->session, &runtime->operation, &runtime->pending);

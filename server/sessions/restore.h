@@ -15,6 +15,7 @@ struct restored {
     struct marker_list markers;      // too
     struct marker marked;            // the last of them; number 0: none
     uint32_t attempts;               // how many began
+    uint32_t attempt_lost;           // number of one that runs and cannot be judged here; 0: none
     struct session_attempt *attempt; // whose end it does not have; NULL: none
     struct session_attempt *ended;   // all others, the last first: the records may lack them
     // Still without serial, trace and row, and on its old clock. NULL: it cannot go on.

@@ -88,6 +88,7 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
 
 #define TRACE_TASK_NAME_MAX 32
 #define TRACE_TASK_MAX 8192 // bytes of a task's file
+#define TRACE_ATTEMPTS_MAX 100000
 
 // An attempt at a task, and all that it is judged by. It begins with the next step.
 struct trace_attempt {

@@ -47,7 +47,7 @@ static struct pass_mark mark_of_file(const struct task *task) {
 
 bool task_mark(struct api_call *call, const struct task *task, struct pass_mark *out) {
     struct error err = {""};
-    enum result result = store_task_mark(call->store, task->name, out, &err);
+    enum result result = store_task_mark(call->store, task->name, task->version, out, &err);
     if (result == RESULT_MISSING)
         *out = mark_of_file(task);
     return result == RESULT_MISSING || call_check(call, result, &err);
@@ -135,11 +135,13 @@ void get_mark(struct api_call *call) {
     struct error err = {""};
     if (!task)
         return;
-    struct pass_mark own = mark_of_file(task);
+    struct pass_mark own = mark_of_file(task), mark;
+    if (!task_mark(call, task, &mark))
+        return;
     json_t *marks = json_array();
     enum result result = store_rows(call->store, LIST_MARKS, task->name, take_mark, marks, &err);
     json_array_append_new(marks, task_mark_json(&own));
-    json_t *all = json_pack("{s:O, s:o}", "mark", json_array_get(marks, 0), "versions", marks);
+    json_t *all = json_pack("{s:o, s:o}", "mark", task_mark_json(&mark), "versions", marks);
     if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else

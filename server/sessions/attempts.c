@@ -7,6 +7,7 @@
 #include "runtime/reply.h"
 #include "store/attempts.h"
 #include "store/courses.h"
+#include "store/exams.h"
 #include "task/tell.h"
 
 #include <openssl/evp.h>
@@ -51,16 +52,10 @@ void attempts_free(struct session_attempt **attempt) {
 
 // ---- begin --------------------------------------------------------------------------------------
 
-// Who trains may begin and leave practice of their own.
-static bool is_allowed(const struct sessions *s, int station, const struct station_status *status,
-                       const arthron_Command *command, enum attempt_purpose purpose,
-                       arthron_CommandReply *reply) {
-    if (!command->trainee[0])
-        return true;
-    if (strcmp(command->trainee, status->about.trainee) != 0)
-        return reply_refuse(reply, "station %s: it has no session of yours",
-                            station_name(s, station));
-    return purpose == ATTEMPT_PRACTICE ||
+// Who trains may begin and leave practice.
+static bool is_allowed(const struct sessions *s, int station, const arthron_Command *command,
+                       enum attempt_purpose purpose, arthron_CommandReply *reply) {
+    return !command->trainee[0] || purpose == ATTEMPT_PRACTICE ||
            reply_refuse(reply, "station %s: an exam is for instructors", station_name(s, station));
 }
 
@@ -79,29 +74,57 @@ static bool take_site(struct sessions *s, const struct station_status *status, i
            reply_refuse(reply, "station %s: %s", station_name(s, station), err.text);
 }
 
-// The mark in force; where the records have none, or cannot be read, the task file's.
-static struct trace_attempt marked(const struct sessions *s, const struct task_file *file) {
-    struct trace_attempt begun = {.pass_time_s = file->task.pass_time_s,
-                                  .pass_errors = (uint32_t)file->task.pass_errors};
+static enum result read_mark(struct store *store, const struct task *task,
+                             struct trace_attempt *begun, struct error *err) {
     struct pass_mark mark;
+    enum result result = store_task_mark(store, task->name, task->version, &mark, err);
+    if (result != RESULT_OK)
+        return result == RESULT_MISSING ? RESULT_OK : result;
+    if (!(mark.time_s >= 1 && mark.time_s <= MARK_TIME_MAX_S) || mark.errors < 0 ||
+        mark.errors > MARK_ERRORS_MAX)
+        return fail(err, RESULT_INVALID, "task %s: version %d of its pass mark is out of range",
+                    task->name, mark.version);
+    begun->mark_version = (uint32_t)mark.version;
+    begun->pass_time_s = mark.time_s;
+    begun->pass_errors = (uint32_t)mark.errors;
+    return RESULT_OK;
+}
+
+static enum result find_place(const struct sessions *s, const struct station_status *status,
+                              struct store *store, const char *task, enum attempt_hand hand,
+                              struct error *err) {
+    int scene = status->about.scene;
+    struct exam_place place = {.trainee = status->about.trainee,
+                               .task = task,
+                               .knee_case = s->config.cases[scene].name,
+                               .case_hash = scene_case(s->scenes[scene])->hash,
+                               .hand = attempt_hand_name(hand)};
+    return store_find_exam_place(store, &place, err);
+}
+
+// The mark in force; where the records have none, the task file's. Practice goes on where they
+// cannot be read; an exam has no place then.
+static bool look_up(const struct sessions *s, int station, const struct station_status *status,
+                    const struct task *task, struct trace_attempt *begun,
+                    arthron_CommandReply *reply) {
     struct store *store = NULL;
     struct error err;
+    bool is_exam = begun->purpose == ATTEMPT_EXAM;
     if (!s->recorder)
-        return begun;
+        return !is_exam || reply_refuse(reply, "station %s: this server has no records for an exam",
+                                        station_name(s, station));
     enum result result = store_open(s->config.records, STORE_THERE, "server", &store, &err);
     if (result == RESULT_OK)
-        result = store_task_mark(store, file->task.name, &mark, &err);
+        result = read_mark(store, task, begun, &err);
+    if (result == RESULT_OK && is_exam)
+        result = find_place(s, status, store, task->name, begun->hand, &err);
     store_close(&store);
-    if (result != RESULT_OK && result != RESULT_MISSING)
-        log_warning("sessions", "task %s: its own pass mark counts: %s", file->task.name, err.text);
-    bool is_good = result == RESULT_OK && mark.version > 0 && mark.time_s >= 1 &&
-                   mark.time_s <= 3600 && mark.errors >= 0 && mark.errors <= 1000;
-    if (is_good) {
-        begun.mark_version = (uint32_t)mark.version;
-        begun.pass_time_s = mark.time_s;
-        begun.pass_errors = (uint32_t)mark.errors;
-    }
-    return begun;
+    if (result == RESULT_OK)
+        return true;
+    if (is_exam)
+        return reply_refuse(reply, "station %s: %s", station_name(s, station), err.text);
+    log_warning("sessions", "task %s: its own pass mark counts: %s", task->name, err.text);
+    return true;
 }
 
 // From here on the attempt is the worker's.
@@ -134,14 +157,17 @@ bool attempts_begin_command(struct sessions *s, int station, const arthron_Comma
         return reply_refuse(reply, "an attempt is practice or exam, with the right or left hand");
     if (!file)
         return reply_refuse(reply, "there is no task %s", command->task);
-    if (!is_allowed(s, station, &status, command, (enum attempt_purpose)command->purpose, reply))
+    if (!is_allowed(s, station, command, (enum attempt_purpose)command->purpose, reply))
         return false;
     if (is_running(s, station, &shown) && shown.session == status.about.serial)
         return reply_refuse(reply, "station %s: an attempt runs: %s", station_name(s, station),
                             shown.state.task);
-    struct trace_attempt begun = marked(s, file);
-    begun.purpose = (enum attempt_purpose)command->purpose;
-    begun.hand = (enum attempt_hand)command->hand;
+    struct trace_attempt begun = {.purpose = (enum attempt_purpose)command->purpose,
+                                  .hand = (enum attempt_hand)command->hand,
+                                  .pass_time_s = file->task.pass_time_s,
+                                  .pass_errors = (uint32_t)file->task.pass_errors};
+    if (!look_up(s, station, &status, &file->task, &begun, reply))
+        return false;
     struct open_attempt *open = attempt_of(&begun, status.about.id, status.about.start_utc_ns);
     struct session_attempt *attempt = &open->runtime;
     attempt->session = status.about.serial;
@@ -158,7 +184,7 @@ bool attempts_leave_command(struct sessions *s, int station, const arthron_Comma
     struct live_attempt shown;
     station_slot_status(slot, &status);
     bool runs = is_running(s, station, &shown);
-    if (!is_allowed(s, station, &status, command, (enum attempt_purpose)shown.state.purpose, reply))
+    if (!is_allowed(s, station, command, (enum attempt_purpose)shown.state.purpose, reply))
         return false;
     if (!runs || shown.session != status.about.serial)
         return reply_refuse(reply, "station %s: no attempt runs", station_name(s, station));
@@ -168,7 +194,9 @@ bool attempts_leave_command(struct sessions *s, int station, const arthron_Comma
         !station_slot_wait_taken(slot, ticket, clock_now_ns() + TAKEN_WAIT_NS, &done))
         return reply_refuse(reply, "station %s: its worker is too busy", station_name(s, station));
     return done ? (reply->ok = true)
-                : reply_refuse(reply, "station %s: no attempt runs", station_name(s, station));
+                : reply_refuse(reply,
+                               "station %s: the attempt has ended, or its trace has no room now",
+                               station_name(s, station));
 }
 
 // ---- from its trace -----------------------------------------------------------------------------

@@ -110,13 +110,17 @@ static bool is_of(const struct station_status *status, const char *trainee) {
     return status->phase != SLOT_EMPTY && !strcmp(status->about.trainee, trainee);
 }
 
-static bool ask_for_help(struct sessions *s, int station, const char *trainee,
-                         arthron_CommandReply *reply) {
+static bool is_theirs(struct sessions *s, int station, const char *trainee,
+                      arthron_CommandReply *reply) {
     struct station_status status;
     station_slot_status(&s->slots[station], &status);
-    if (trainee[0] && !is_of(&status, trainee))
-        return reply_refuse(reply, "station %s: it has no session of yours",
-                            station_name(s, station));
+    return !trainee[0] || is_of(&status, trainee) ||
+           reply_refuse(reply, "station %s: it has no session of yours", station_name(s, station));
+}
+
+static bool ask_for_help(struct sessions *s, int station, arthron_CommandReply *reply) {
+    struct station_status status;
+    station_slot_status(&s->slots[station], &status);
     station_slot_set_help(&s->slots[station], status.about.serial);
     return reply->ok = true;
 }
@@ -156,11 +160,6 @@ static bool take_station(struct sessions *s, int station, const char *trainee,
 // Trainees end their own, and the station is free for the next.
 static bool stop(struct sessions *s, int station, const char *trainee,
                  arthron_CommandReply *reply) {
-    struct station_status status;
-    station_slot_status(&s->slots[station], &status);
-    if (trainee[0] && !is_of(&status, trainee))
-        return reply_refuse(reply, "station %s: it has no session of yours",
-                            station_name(s, station));
     if (!course_stop(s, station, reply))
         return false;
     return !trainee[0] || assign(s, station, "", reply);
@@ -210,7 +209,9 @@ static void note(struct sessions *s, const char *actor, const arthron_Command *c
 
 static void command_session(struct sessions *s, const char *actor, const arthron_Command *command,
                             int station, arthron_CommandReply *reply) {
-    if (!has_session(s, station, reply) || !course_open(s, station, reply))
+    // A trainee waits for no other's session, and meanwhile it may have become another's.
+    if (!has_session(s, station, reply) || !is_theirs(s, station, command->trainee, reply) ||
+        !course_open(s, station, reply) || !is_theirs(s, station, command->trainee, reply))
         return;
     if (command->kind == arthron_Command_Kind_PAUSE)
         course_input(s, station, INPUT_PAUSE, SESSION_PAUSED, reply);
@@ -225,7 +226,7 @@ static void command_session(struct sessions *s, const char *actor, const arthron
     else if (command->kind == arthron_Command_Kind_LEAVE)
         attempts_leave_command(s, station, command, reply);
     else if (command->kind == arthron_Command_Kind_HELP)
-        ask_for_help(s, station, command->trainee, reply);
+        ask_for_help(s, station, reply);
     else
         course_input(s, station, INPUT_RESET, SESSION_RUNNING, reply);
 }
@@ -253,9 +254,8 @@ static void command_station(struct sessions *s, const char *actor, const arthron
 
 static const char *command_name(arthron_Command_Kind kind) {
     static const char *const names[_arthron_Command_Kind_ARRAYSIZE] = {
-        "list", "start", "pause", "stop",   "case",  "reset", "show",
-        "undo", "copy",  "note",  "assign", "begin", "leave",
-        "help", "take"};
+        "list", "start", "pause",  "stop",  "case",  "reset", "show", "undo",
+        "copy", "note",  "assign", "begin", "leave", "help",  "take"};
     return names[kind];
 }
 

@@ -64,7 +64,7 @@ enum result store_times_at(struct store *store, const char *task, const char *co
 
 // ---- pass marks ---------------------------------------------------------------------------------
 
-#define MARK_TIME_MAX_S 86400
+#define MARK_TIME_MAX_S 3600 // as a task file and a trace have it
 #define MARK_ERRORS_MAX 1000
 
 struct pass_mark {
@@ -77,11 +77,12 @@ struct pass_mark {
     int64_t created_utc_ns;
 };
 
-// The mark in force. RESULT_MISSING: the records have none, the task file's counts.
-enum result store_task_mark(struct store *store, const char *task, struct pass_mark *out,
-                            struct error *err);
+// The mark in force for this version of the task. RESULT_MISSING: the records have none, the task
+// file's counts.
+enum result store_task_mark(struct store *store, const char *task, int task_version,
+                            struct pass_mark *out, struct error *err);
 
-// Puts a new version in force. mark->version: the newest that the caller knows; RESULT_REFUSED if
-// there is a newer one. RESULT_INVALID names what is wrong.
+// Puts a new version in force. mark->version: the one in force that the caller knows, 0 for none;
+// RESULT_REFUSED if another one is. RESULT_INVALID names what is wrong.
 enum result store_add_mark(struct store *store, const char *task, const struct pass_mark *mark,
                            struct error *err);

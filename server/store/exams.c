@@ -4,6 +4,7 @@
 #include "store/database.h"
 #include "store/text.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -249,14 +250,35 @@ enum result store_is_blind_to_exam(struct store *store, int64_t account, int64_t
                      out_is);
 }
 
+enum result store_find_exam_place(struct store *store, const struct exam_place *place,
+                                  struct error *err) {
+    int64_t found;
+    char hash[17];
+    snprintf(hash, sizeof hash, "%016" PRIx64, place->case_hash);
+    enum result result = store_find(
+        store,
+        "SELECT 1 FROM exam_task x JOIN exam e ON e.id = x.exam_id "
+        "JOIN trainee t ON t.id = e.trainee_id WHERE t.name = ? AND e.state = 'begun' AND "
+        "x.attempt_id IS NULL AND x.task = ? AND x.knee_case = ? AND "
+        "ifnull(x.case_hash, ?4) = ?4 AND ifnull(x.hand, ?5) = ?5",
+        &found, err, "ttttt", place->trainee, place->task, place->knee_case, hash, place->hand);
+    return result == RESULT_MISSING
+               ? fail(err, result,
+                      "no exam that '%.40s' has begun asks for task '%.31s' on case '%.40s' with "
+                      "the "
+                      "%s hand now",
+                      place->trainee, place->task, place->knee_case, place->hand)
+               : result;
+}
+
 enum result store_is_withheld(struct store *store, const char *session, bool *out_is,
                               struct error *err) {
     int64_t found;
     return answer_if(store_find(store,
                                 "SELECT 1 FROM session s JOIN attempt a ON a.session_id = s.id "
-                                "JOIN exam_task x ON x.attempt_id = a.id "
-                                "JOIN exam e ON e.id = x.exam_id WHERE s.uuid = ? AND "
-                                "e.state <> 'released'",
+                                "LEFT JOIN exam_task x ON x.attempt_id = a.id "
+                                "LEFT JOIN exam e ON e.id = x.exam_id WHERE s.uuid = ? AND "
+                                "a.purpose = 'exam' AND e.state IS NOT 'released'",
                                 &found, err, "t", session),
                      out_is);
 }

@@ -79,8 +79,18 @@ enum result store_is_blind(struct store *store, int64_t account, const char *ses
 enum result store_is_blind_to_exam(struct store *store, int64_t account, int64_t exam, bool *out_is,
                                    struct error *err);
 
-// Whether the session has an attempt of an exam that was not released: then its trainee must not
-// see what came of it.
+// The place that an attempt would take now. RESULT_MISSING: the trainee has none, and the error
+// says so.
+struct exam_place {
+    const char *trainee, *task, *knee_case;
+    uint64_t case_hash;
+    const char *hand; // "right", "left"
+};
+enum result store_find_exam_place(struct store *store, const struct exam_place *place,
+                                  struct error *err);
+
+// Whether the session has an attempt of an exam that was not released, or of none: then its trainee
+// must not see what came of it.
 enum result store_is_withheld(struct store *store, const char *session, bool *out_is,
                               struct error *err);
 

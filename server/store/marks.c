@@ -19,16 +19,16 @@ static void take_mark(void *user, const struct store_cell *cells, int count) {
     out->created_utc_ns = cells[6].integer;
 }
 
-enum result store_task_mark(struct store *store, const char *task, struct pass_mark *out,
-                            struct error *err) {
+enum result store_task_mark(struct store *store, const char *task, int task_version,
+                            struct pass_mark *out, struct error *err) {
     sqlite3_stmt *statement;
     *out = (struct pass_mark){0};
     enum result result =
         store_prepare(store,
                       "SELECT version, task_version, kind, source, time_s, errors, "
-                      "created_utc_ns FROM pass_mark WHERE task = ? "
+                      "created_utc_ns FROM pass_mark WHERE task = ? AND task_version = ? "
                       "ORDER BY version DESC LIMIT 1",
-                      &statement, err, "t", task);
+                      &statement, err, "ti", task, (int64_t)task_version);
     if (result == RESULT_OK)
         result = store_each_row(store, statement, take_mark, out, err);
     if (result == RESULT_OK && !out->version)
@@ -50,9 +50,8 @@ static enum result check_mark(const char *task, const struct pass_mark *mark, st
     if (!known)
         return fail(err, RESULT_INVALID,
                     "a pass mark is set by hand, of contrasting groups, or published");
-    if (!(mark->time_s > 0 && mark->time_s <= MARK_TIME_MAX_S))
-        return fail(err, RESULT_INVALID, "the time of a pass mark is at most %d s",
-                    MARK_TIME_MAX_S);
+    if (!(mark->time_s >= 1 && mark->time_s <= MARK_TIME_MAX_S))
+        return fail(err, RESULT_INVALID, "the time of a pass mark is 1 to %d s", MARK_TIME_MAX_S);
     if (mark->errors < 0 || mark->errors > MARK_ERRORS_MAX)
         return fail(err, RESULT_INVALID, "a pass mark permits 0 to %d errors", MARK_ERRORS_MAX);
     return RESULT_OK;
@@ -67,7 +66,7 @@ enum result store_add_mark(struct store *store, const char *task, const struct p
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = store_task_mark(store, task, &newest, err);
+    result = store_task_mark(store, task, mark->task_version, &newest, err);
     result = result == RESULT_MISSING ? RESULT_OK : result;
     if (result == RESULT_OK && newest.version != mark->version)
         result = fail(err, RESULT_REFUSED,
@@ -77,9 +76,10 @@ enum result store_add_mark(struct store *store, const char *task, const struct p
         result =
             store_do(store,
                      "INSERT INTO pass_mark (task, version, task_version, kind, source, "
-                     "time_s, errors, created_utc_ns) VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                     err, "tiittrii", task, (int64_t)mark->version + 1, (int64_t)mark->task_version,
-                     mark->kind, mark->source, mark->time_s, (int64_t)mark->errors, clock_utc_ns());
+                     "time_s, errors, created_utc_ns) SELECT ?1, 1 + ifnull(max(version), 0), ?2, "
+                     "?3, ?4, ?5, ?6, ?7 FROM pass_mark WHERE task = ?1",
+                     err, "tittrii", task, (int64_t)mark->task_version, mark->kind, mark->source,
+                     mark->time_s, (int64_t)mark->errors, clock_utc_ns());
     snprintf(subject, sizeof subject, "task %s", task);
     if (result == RESULT_OK)
         result = store_note(store, "pass mark", subject, err);

@@ -34,7 +34,7 @@ static void put_null(json_t *row, const char *field) {
     json_object_set_new(row, field, json_null());
 }
 
-// What a trainee does not see of an exam before it is released.
+// What neither the trainee nor its raters see of an exam before it is released.
 static void withhold(json_t *row) {
     static const char *const fields[] = {"verdict", "time_s",   "goals_met", "errors",
                                          "end",     "sentinel", NULL};
@@ -42,18 +42,20 @@ static void withhold(json_t *row) {
         put_null(row, fields[i]);
     json_object_set_new(row, "figures", json_object());
     json_object_set_new(row, "occurrences", json_array());
+    json_object_set_new(row, "withheld", json_true());
 }
 
-static bool is_withheld(const struct api_call *call, const json_t *row) {
+// Of an exam that was not released.
+static bool is_sealed(const json_t *row) {
     const char *purpose = json_string_value(json_object_get(row, "purpose"));
     const char *state = json_string_value(json_object_get(row, "exam_state"));
-    return is_trainee(call) && !strcmp(purpose, "exam") && (!state || strcmp(state, "released"));
+    return !strcmp(purpose, "exam") && (!state || strcmp(state, "released"));
 }
 
 static json_t *attempt_json(const struct api_call *call, const struct store_cell *cells,
                             int count) {
     json_t *row = call_row(cells, count);
-    bool withheld = is_withheld(call, row);
+    bool withheld = is_trainee(call) && is_sealed(row);
     json_t *sentinel = json_object_get(row, "sentinel");
     json_object_set_new(row, "sentinel", json_boolean(json_integer_value(sentinel)));
     json_object_set_new(row, "pass",
@@ -80,12 +82,16 @@ static void take_attempt(void *user, const struct store_cell *cells, int count) 
     json_array_append_new(attempts->all, attempt_json(attempts->call, cells, count));
 }
 
+const char *attempt_rater(const struct api_call *call) {
+    return call->principal.role == ROLE_INSTRUCTOR ? call->principal.name : NULL;
+}
+
 bool attempt_is_blind(struct api_call *call, const char *session) {
     struct error err = {""};
     bool blind = false;
-    if (call->principal.role != ROLE_INSTRUCTOR)
+    if (!attempt_rater(call))
         return false;
-    enum result result = store_is_blind(call->store, call->principal.number, session, &blind, &err);
+    enum result result = store_is_blind(call->store, attempt_rater(call), session, &blind, &err);
     return !call_check(call, result, &err) || blind;
 }
 
@@ -98,17 +104,19 @@ bool attempt_is_withheld(struct api_call *call, const char *session) {
     return !call_check(call, result, &err) || withheld;
 }
 
-// Who rates an exam does not learn whose it is. False after a refusal.
+// Who rates an exam learns neither whose it is, nor what the server says of it. False after a
+// refusal.
 static bool hide_names(struct api_call *call, json_t *attempts) {
     size_t i;
     json_t *row;
     json_array_foreach(attempts, i, row) {
-        const char *state = json_string_value(json_object_get(row, "exam_state"));
         const char *session = json_string_value(json_object_get(row, "session"));
-        if (state && strcmp(state, "released") && attempt_is_blind(call, session)) {
+        if (attempt_is_blind(call, session)) {
             if (call->response->status)
                 return false;
             put_null(row, "trainee");
+            if (is_sealed(row))
+                withhold(row);
         }
         json_object_del(row, "exam_state");
     }
@@ -119,6 +127,7 @@ static bool hide_names(struct api_call *call, json_t *attempts) {
 static json_t *read_attempts(struct api_call *call, struct attempt_filter filter) {
     struct attempts attempts = {call, json_array()};
     struct error err = {""};
+    filter.rater = attempt_rater(call);
     if (is_trainee(call)) {
         bool others = filter.trainee && strcmp(filter.trainee, call->principal.trainee);
         filter.trainee = others ? "" : call->principal.trainee; // nobody's

@@ -96,6 +96,17 @@ static bool take_seed(struct api_call *call, int64_t *out) {
     return true;
 }
 
+// Who plans an exam knows whose it is.
+static bool take_raters(struct api_call *call, const struct exam_plan *plan) {
+    for (int i = 0; i < plan->rater_count; i++)
+        if (!strcmp(plan->raters[i], call->principal.name)) {
+            call_refuse(call, 400, "wrong_field", "raters",
+                        "Who plans an exam is no blind rater of it.");
+            return false;
+        }
+    return true;
+}
+
 static bool take_plan(struct api_call *call, struct exam_plan *plan) {
     static const char *const fields[] = {"course", "trainee", "title",  "tasks", "cases",
                                          "hand",   "seed",    "raters", NULL};
@@ -106,7 +117,8 @@ static bool take_plan(struct api_call *call, struct exam_plan *plan) {
            value_text(call, call->body, "title", sizeof plan->title, plan->title) &&
            take_hand(call, hand) && take_seed(call, &plan->seed) && take_tasks(call, plan, hand) &&
            value_texts(call, call->body, "raters", EXAM_RATERS_MAX, sizeof plan->raters[0],
-                       plan->raters[0], &plan->rater_count);
+                       plan->raters[0], &plan->rater_count) &&
+           take_raters(call, plan);
 }
 
 // ---- as JSON ------------------------------------------------------------------------------------
@@ -152,10 +164,9 @@ static bool hide_name(struct api_call *call, json_t *exam) {
     struct error err = {""};
     bool blind = false;
     int64_t id = json_integer_value(json_object_get(exam, "id"));
-    if (is_trainee(call))
+    if (!attempt_rater(call))
         return true;
-    enum result result =
-        store_is_blind_to_exam(call->store, call->principal.number, id, &blind, &err);
+    enum result result = store_is_blind_to_exam(call->store, attempt_rater(call), id, &blind, &err);
     if (blind)
         json_object_set_new(exam, "trainee", json_null());
     return call_check(call, result, &err);
@@ -212,14 +223,14 @@ static json_t *raters_of(struct api_call *call, int64_t id) {
     return NULL;
 }
 
-static void shape_items(const struct api_call *call, json_t *items, bool released) {
+static void shape_items(const struct api_call *call, json_t *items, bool sees_verdicts) {
     size_t i;
     json_t *item;
     json_array_foreach(items, i, item) {
         json_object_del(item, "exam");
         json_object_del(item, "position");
         json_object_set_new(item, "title", task_title(call, text_of(item, "task")));
-        if (is_trainee(call) && !released)
+        if (!sees_verdicts)
             json_object_set_new(item, "verdict", json_null());
     }
 }
@@ -227,13 +238,16 @@ static void shape_items(const struct api_call *call, json_t *items, bool release
 // The exam with all its parts; false after a refusal.
 static bool add_parts(struct api_call *call, json_t *exam, int64_t id) {
     bool released = !strcmp(text_of(exam, "state"), "released");
+    bool is_rater = json_is_null(json_object_get(exam, "trainee"));
     json_t *items = parts_of(call, LIST_EXAM_TASKS, id);
     json_t *interventions = items ? parts_of(call, LIST_INTERVENTIONS, id) : NULL;
     json_t *raters = interventions ? raters_of(call, id) : NULL;
     size_t i;
     json_t *row;
     if (raters) {
-        shape_items(call, items, released);
+        shape_items(call, items, released || (!is_trainee(call) && !is_rater));
+        if (is_trainee(call) && !strcmp(text_of(exam, "state"), "planned"))
+            json_array_clear(items); // it is sealed until it begins
         json_array_foreach(interventions, i, row) json_object_del(row, "exam");
         json_object_set(exam, "items", items);
         json_object_set(exam, "interventions", interventions);
@@ -283,7 +297,7 @@ void get_exams(struct api_call *call) {
     const char *whose = is_trainee(call) ? call->principal.trainee : call_parameter(&query, 1);
     if (good) {
         enum result result = store_find_exams(call->store, call_parameter(&query, 0), whose,
-                                              call_take_row, rows, &err);
+                                              attempt_rater(call), call_take_row, rows, &err);
         good = call_check(call, result, &err);
     }
     json_array_foreach(rows, i, row) {
@@ -364,68 +378,102 @@ static void take_whole_attempt(void *rows, const struct store_cell *cells, int c
 }
 
 // The attempt of an item, with the hash that stands for its session's trace; or null.
-static json_t *attempt_of(struct api_call *call, const json_t *item) {
-    struct error err = {""};
+static enum result attempt_of(struct store *store, const json_t *item, json_t **out,
+                              struct error *err) {
     json_t *rows = json_array(), *sessions = json_array();
     const char *session = json_string_value(json_object_get(item, "session"));
     const struct attempt_filter filter = {
         .session = session,
         .number = (int)json_integer_value(json_object_get(item, "number")),
         .limit = 1};
-    if (session &&
-        store_attempt_list(call->store, &filter, take_whole_attempt, rows, &err) == RESULT_OK)
-        store_rows(call->store, LIST_SESSIONS, session, call_take_row, sessions, &err);
-    json_t *attempt = json_incref(json_array_get(rows, 0));
-    json_t *hash = json_object_get(json_array_get(sessions, 0), "trace_hash");
+    enum result result = RESULT_OK;
+    if (session)
+        result = store_attempt_list(store, &filter, take_whole_attempt, rows, err);
+    if (session && result == RESULT_OK)
+        result = store_rows(store, LIST_SESSIONS, session, call_take_row, sessions, err);
+    json_t *attempt = json_incref(json_array_get(rows, 0)), *row = json_array_get(sessions, 0);
+    json_t *hash = json_object_get(row, "trace_hash");
+    if (result == RESULT_OK && !strcmp(text_of(row, "state"), "open"))
+        result = fail(err, RESULT_REFUSED, "the session of task '%s' still runs: end it first",
+                      text_of(item, "task"));
     if (attempt)
         json_object_set(attempt, "trace_hash", hash ? hash : json_null());
     json_decref(rows);
     json_decref(sessions);
-    return attempt ? attempt : json_null();
+    *out = attempt ? attempt : json_null();
+    return result;
 }
 
-static void take_sum(void *list, const struct store_cell *cells, int count) {
+// Ratings of an attempt; names: of the raters so far, whom the result knows by their place in it.
+struct sums {
+    json_t *list, *names;
+};
+
+static size_t place_of(json_t *names, json_t *name) {
+    size_t i;
+    json_t *other;
+    json_array_foreach(names, i, other) {
+        if (json_equal(name, other))
+            return i;
+    }
+    json_array_append(names, name);
+    return i;
+}
+
+static void take_sum(void *user, const struct store_cell *cells, int count) {
+    struct sums *sums = user;
     json_t *row = call_row(cells, count);
+    size_t place = place_of(sums->names, json_object_get(row, "rater"));
+    json_object_set_new(row, "rater", json_integer((json_int_t)place + 1));
     json_object_del(row, "session");
     json_object_del(row, "number");
     json_object_del(row, "remark");
-    json_array_append_new(list, row);
+    json_array_append_new(sums->list, row);
 }
 
-static json_t *rated(struct api_call *call, const json_t *item) {
-    struct error err = {""};
-    json_t *list = json_array();
+static enum result add_item(struct store *store, json_t *item, json_t *names, struct error *err) {
+    struct sums sums = {json_array(), names};
+    json_t *attempt;
     const char *session = json_string_value(json_object_get(item, "session"));
     int number = (int)json_integer_value(json_object_get(item, "number"));
-    if (session)
-        store_ratings_of(call->store, session, number, take_sum, list, &err);
-    return list;
+    enum result result = attempt_of(store, item, &attempt, err);
+    if (result == RESULT_OK && session)
+        result = store_ratings_of(store, session, number, take_sum, &sums, err);
+    json_object_set_new(item, "attempt", attempt);
+    json_object_set_new(item, "ratings", sums.list);
+    return result;
 }
 
-// What is signed; *out_passed: all attempts passed. NULL after a refusal.
-static json_t *make_result(struct api_call *call, json_t *exam, int64_t id, double now_s,
-                           bool *out_passed) {
-    json_t *items = parts_of(call, LIST_EXAM_TASKS, id), *item;
-    json_t *interventions = items ? parts_of(call, LIST_INTERVENTIONS, id) : NULL;
+// What is signed: neither the seed nor a rater's name. *out_passed: all attempts passed.
+static enum result make_result(struct store *store, int64_t id, double now_s, json_t *exams,
+                               bool *out_passed, struct error *err) {
+    char key[24];
+    json_t *items = json_array(), *interventions = json_array(), *names = json_array(), *item;
     size_t i;
+    snprintf(key, sizeof key, "%lld", (long long)id);
+    enum result result = store_rows(store, LIST_EXAMS, key, call_take_row, exams, err);
+    if (result == RESULT_OK)
+        result = store_rows(store, LIST_EXAM_TASKS, key, call_take_row, items, err);
+    if (result == RESULT_OK)
+        result = store_rows(store, LIST_INTERVENTIONS, key, call_take_row, interventions, err);
     *out_passed = true;
     json_array_foreach(items, i, item) {
         *out_passed = *out_passed && !strcmp(text_of(item, "verdict"), "passed");
-        json_object_set_new(item, "attempt", attempt_of(call, item));
-        json_object_set_new(item, "ratings", rated(call, item));
+        if (result == RESULT_OK)
+            result = add_item(store, item, names, err);
     }
-    static const char *const gone[] = {"result",    "result_hash",    "certificate",
-                                       "signature", "released_utc_s", "verdict",
-                                       "state",     "created_utc_s",  NULL};
+    static const char *const gone[] = {
+        "result",  "result_hash", "certificate",   "signature", "released_utc_s",
+        "verdict", "state",       "created_utc_s", "seed",      NULL};
+    json_t *exam = json_array_get(exams, 0);
     for (int g = 0; gone[g]; g++)
         json_object_del(exam, gone[g]);
-    json_object_set(exam, "items", items);
-    json_object_set(exam, "interventions", interventions);
+    json_object_set_new(exam, "items", items);
+    json_object_set_new(exam, "interventions", interventions);
     json_object_set_new(exam, "released_utc_s", json_real(now_s));
     json_object_set_new(exam, "verdict", json_string(*out_passed ? "passed" : "not yet"));
-    json_decref(items);
-    json_decref(interventions);
-    return interventions ? json_incref(exam) : NULL;
+    json_decref(names);
+    return result;
 }
 
 static void hash_text(const char *text, char out[STORE_HASH_MAX]) {
@@ -436,42 +484,47 @@ static void hash_text(const char *text, char out[STORE_HASH_MAX]) {
         snprintf(out + 2 * i, 3, "%02x", hash[i]);
 }
 
-static bool seal_result(struct api_call *call, int64_t id, struct exam_result *out) {
-    const struct trace_signer signer = {.sign = signer_sign, .context = call->api->signer};
+static enum result seal_result(const struct api *api, int64_t id, struct exam_result *out,
+                               struct error *err) {
+    const struct trace_signer signer = {.sign = signer_sign, .context = api->signer};
     struct store_audit_head head = {.entry = id};
     struct store_audit_seal seal;
-    struct error err = {""};
     hash_text(out->text, head.hash);
-    enum result result = exam_seal_make(&signer, &head, &seal, &err);
+    enum result result = exam_seal_make(&signer, &head, &seal, err);
     memcpy(out->hash, head.hash, sizeof out->hash);
     memcpy(out->certificate, seal.certificate, sizeof out->certificate);
     memcpy(out->signature, seal.signature, sizeof out->signature);
-    return call_check(call, result, &err);
+    return result;
 }
 
-static void release(struct api_call *call, json_t *exam, int64_t id, bool incomplete) {
-    struct exam_result *result = alloc(1, sizeof *result);
-    struct error err = {""};
-    result->released_utc_ns = clock_utc_ns();
-    json_t *whole =
-        make_result(call, exam, id, call_seconds(result->released_utc_ns), &result->passed);
-    char *text = whole ? json_dumps(whole, JSON_COMPACT | JSON_SORT_KEYS) : NULL;
-    result->text = text;
-    if (whole && seal_result(call, id, result) &&
-        call_check(call, store_release_exam(call->store, id, incomplete, result, &err), &err))
-        answer_exam(call, 200, id);
-    free(text);
-    json_decref(whole);
-    free(result);
+struct release {
+    const struct api_call *call;
+    int64_t id;
+    char *text;
+};
+
+static enum result make_release(void *user, struct exam_result *out, struct error *err) {
+    struct release *release = user;
+    json_t *exams = json_array();
+    out->released_utc_ns = clock_utc_ns();
+    enum result result = make_result(release->call->store, release->id,
+                                     call_seconds(out->released_utc_ns), exams, &out->passed, err);
+    out->text = release->text = json_dumps(json_array_get(exams, 0), JSON_COMPACT | JSON_SORT_KEYS);
+    NEED(out->text, "memory");
+    json_decref(exams);
+    return result == RESULT_OK ? seal_result(release->call->api, release->id, out, err) : result;
 }
 
 void post_exam_release(struct api_call *call) {
     static const char *const fields[] = {"incomplete", NULL};
-    int64_t id;
-    json_t *exam = value_take_body(call, fields) ? find_exam(call, &id) : NULL;
-    if (!exam)
+    struct release release = {.call = call};
+    struct error err = {""};
+    if (!value_take_body(call, fields) || !value_in_path(call, call->args[0], &release.id))
         return;
     bool incomplete = json_is_true(json_object_get(call->body, "incomplete"));
-    release(call, exam, id, incomplete);
-    json_decref(exam);
+    enum result result =
+        store_release_exam(call->store, release.id, incomplete, make_release, &release, &err);
+    if (call_check(call, result, &err))
+        answer_exam(call, 200, release.id);
+    free(release.text);
 }

@@ -1,4 +1,5 @@
 // How far the trainees of a course are, and what a trainee does next.
+#include "api/attempts.h"
 #include "api/curriculum.h"
 #include "api/gate.h"
 #include "api/routes.h"
@@ -97,7 +98,7 @@ static bool read_standing(struct api_call *call, const char *course, struct stan
     if (result == RESULT_OK)
         result = store_practice_in(call->store, course, only, take_practice, s, &err);
     if (result == RESULT_OK)
-        result = store_exams_in(call->store, course, take_exam, s, &err);
+        result = store_exams_in(call->store, course, attempt_rater(call), take_exam, s, &err);
     return call_check(call, result, &err);
 }
 
@@ -267,7 +268,7 @@ void get_today(struct api_call *call) {
     const char *trainee = call->principal.trainee;
     enum result result = store_courses_of(call->store, trainee, take_name, names, &err);
     if (result == RESULT_OK)
-        result = store_find_exams(call->store, NULL, trainee, take_my_exam, exams, &err);
+        result = store_find_exams(call->store, NULL, trainee, NULL, take_my_exam, exams, &err);
     bool good = call_check(call, result, &err);
     for (size_t i = 0; good && i < json_array_size(names); i++)
         good = add_day(call, json_string_value(json_array_get(names, i)), days);

@@ -72,9 +72,12 @@ void get_sessions(struct api_call *call) {
     int limit;
     if (!call_take_query(call, &query) || !call_take_limit(call, &query, LIMIT, 500, 50, &limit))
         return;
-    filter =
-        (struct store_filter){call_parameter(&query, WHOSE), call_parameter(&query, COURSE),
-                              call_parameter(&query, CASE), call_parameter(&query, BEFORE), limit};
+    filter = (struct store_filter){call_parameter(&query, WHOSE),
+                                   call_parameter(&query, COURSE),
+                                   call_parameter(&query, CASE),
+                                   call_parameter(&query, BEFORE),
+                                   limit,
+                                   attempt_rater(call)};
     if (filter.before && !is_id(filter.before)) {
         call_refuse(call, 400, "wrong_query", "before",
                     "The parameter 'before' is the id of a session.");
@@ -154,7 +157,7 @@ void get_session(struct api_call *call) {
     json_t *results = json_array();
     enum result result =
         store_rows(call->store, LIST_RESULTS, call->args[0], take_result, results, &err);
-    if (attempt_is_withheld(call, call->args[0]))
+    if (attempt_is_withheld(call, call->args[0]) || attempt_is_blind(call, call->args[0]))
         json_array_clear(results);
     json_t *all = json_pack("{s:o, s:o}", "session", row, "results", results);
     if (call_check(call, result, &err) && hide_name(call, row))

@@ -72,13 +72,25 @@ static bool has_text(const json_t *texts, const char *text) {
     return false;
 }
 
-// The instruments that its goals name; the scope, which every task needs, first.
+static void add_tool(json_t *tools, const char *name) {
+    if (!has_text(tools, name))
+        json_array_append_new(tools, json_string(name));
+}
+
+// The instruments that its goals need; the scope, which every task needs, first.
 static json_t *tools_of(const struct task *task) {
     json_t *tools = json_array();
-    json_array_append_new(tools, json_string("scope"));
-    for (int i = 0; i < task->goal_count; i++)
-        if (task->goals[i].tool[0] && !has_text(tools, task->goals[i].tool))
-            json_array_append_new(tools, json_string(task->goals[i].tool));
+    add_tool(tools, "scope");
+    for (const struct goal *goal = task->goals; goal < task->goals + task->goal_count; goal++) {
+        if (goal->touch[0] || goal->place_count)
+            add_tool(tools, goal->tool);
+        if (goal->take_out[0])
+            add_tool(tools, "grasper");
+        if (goal->resect[0]) {
+            add_tool(tools, "punch");
+            add_tool(tools, "shaver");
+        }
+    }
     return tools;
 }
 

@@ -152,15 +152,20 @@ enum result store_attempt_list(struct store *store, const struct attempt_filter 
         STORE_ATTEMPTS
         "WHERE (?1 IS NULL OR s.trainee_id IN (SELECT trainee_id FROM enrolment WHERE course_id = "
         "(SELECT id FROM course WHERE name = ?1))) AND (?2 IS NULL OR a.task = ?2) AND "
-        "(?3 IS NULL OR trainee.name = ?3) AND (?4 IS NULL OR s.uuid = ?4) AND "
-        "(?5 IS NULL OR a.purpose = ?5) AND (?6 IS NULL OR a.hand = ?6) AND "
-        "(?7 = 0 OR a.begun_utc_ns >= ?7) AND (?8 = 0 OR a.begun_utc_ns < ?8) AND "
-        "(?9 = 0 OR a.number = ?9) AND (?10 IS NULL OR (a.begun_utc_ns, a.id) < "
-        "(SELECT b.begun_utc_ns, b.id FROM attempt b JOIN session t ON t.id = b.session_id "
-        "WHERE t.uuid = ?10 AND b.number = ?11 AND (?3 IS NULL OR t.trainee_id = s.trainee_id))) "
-        "ORDER BY a.begun_utc_ns DESC, a.id DESC LIMIT ?12",
-        &statement, err, "ttttttiiitii", f->course, f->task, f->trainee, f->session, f->purpose,
+        "(?3 IS NULL OR (trainee.name = ?3 AND s.id NOT IN " STORE_BLIND_SESSIONS(
+            "?13") ")) AND (?4 IS NULL OR s.uuid = ?4) AND "
+                   "(?5 IS NULL OR a.purpose = ?5) AND (?6 IS NULL OR a.hand = ?6) AND "
+                   "(?7 = 0 OR a.begun_utc_ns >= ?7) AND (?8 = 0 OR a.begun_utc_ns < ?8) AND "
+                   "(?9 = 0 OR a.number = ?9) AND (?10 IS NULL OR (a.begun_utc_ns, a.id) < "
+                   "(SELECT b.begun_utc_ns, b.id FROM attempt b JOIN session t ON t.id = "
+                   "b.session_id "
+                   "WHERE t.uuid = ?10 AND b.number = ?11 AND (?3 IS NULL OR (t.trainee_id = "
+                   "s.trainee_id "
+                   "AND t.id NOT IN " STORE_BLIND_SESSIONS(
+                       "?13") ")))) "
+                              "ORDER BY a.begun_utc_ns DESC, a.id DESC LIMIT ?12",
+        &statement, err, "ttttttiiitiit", f->course, f->task, f->trainee, f->session, f->purpose,
         f->hand, f->from_utc_ns, f->to_utc_ns, (int64_t)f->number, f->before_session,
-        (int64_t)f->before_number, (int64_t)f->limit);
+        (int64_t)f->before_number, (int64_t)f->limit, f->rater);
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }

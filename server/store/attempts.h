@@ -49,6 +49,8 @@ struct attempt_filter {
     const char *before_session; // only those older than this attempt
     int before_number;
     int limit;
+    // A rater, who finds nothing by the name of a trainee that it must not learn; NULL: nobody.
+    const char *rater;
 };
 
 // Newest first, as LIST_ATTEMPTS.

@@ -58,10 +58,20 @@ enum result store_each_row(struct store *store, sqlite3_stmt *statement, store_r
 enum result store_end(struct store *store, enum result result, struct error *err);
 enum result store_begin(struct store *store, struct error *err);
 
+// The sessions, and the exams, whose trainee's name an account, which rates them, does not learn.
+#define STORE_BLIND_EXAMS(account)                                                                 \
+    "(SELECT blind.exam_id FROM exam_rater blind JOIN exam be ON be.id = blind.exam_id "           \
+    "JOIN account ba ON ba.id = blind.account_id "                                                 \
+    "WHERE be.state <> 'released' AND ba.name = " account ")"
+#define STORE_BLIND_SESSIONS(account)                                                              \
+    "(SELECT bt.session_id FROM attempt bt JOIN exam_task bx ON bx.attempt_id = bt.id "            \
+    "WHERE bx.exam_id IN " STORE_BLIND_EXAMS(account) ")"
+
 // The columns of LIST_ATTEMPTS, of attempts `a` and their sessions `s`.
 #define STORE_ATTEMPTS                                                                             \
     "SELECT s.uuid AS session, a.number, station.name AS station, trainee.name AS trainee, "       \
-    "trainee.id AS trainee_number, a.task, a.task_version, a.title, a.file_hash, knee_case.name AS \"case\", "                   \
+    "trainee.id AS trainee_number, a.task, a.task_version, a.title, a.file_hash, knee_case.name "  \
+    "AS \"case\", "                                                                                \
     "knee_case.hash AS case_hash, a.purpose, a.hand, a.first_step, a.last_step, a.begun_utc_ns, "  \
     "a.time_s, a.goals, a.goals_met, a.errors, a.sentinel, a.verdict, a.end, a.pass_time_s, "      \
     "a.pass_errors, a.mark_version, exam.id AS exam, exam.state AS exam_state, a.figures, "        \

@@ -1,5 +1,6 @@
 #include "store/exams.h"
 
+#include "base/check.h"
 #include "base/clock.h"
 #include "store/database.h"
 #include "store/text.h"
@@ -7,6 +8,7 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 // ---- planning -----------------------------------------------------------------------------------
@@ -169,29 +171,41 @@ enum result store_add_intervention(struct store *store, int64_t id, const char *
     return end_with(store, result, "intervene", id, err);
 }
 
+static enum result keep_result(struct store *store, int64_t id, const struct exam_result *r,
+                               struct error *err) {
+    return store_do(store,
+                    "UPDATE exam SET state = 'released', released_utc_ns = ?, verdict = ?, "
+                    "result = ?, result_hash = ?, certificate = ?, signature = ? WHERE id = ?",
+                    err, "ittttti", r->released_utc_ns, r->passed ? "passed" : "not yet", r->text,
+                    r->hash, r->certificate, r->signature, id);
+}
+
 enum result store_release_exam(struct store *store, int64_t id, bool incomplete,
-                               const struct exam_result *r, struct error *err) {
+                               exam_result_maker make, void *user, struct error *err) {
     enum result result = begin_in(store, id, "done", incomplete ? "begun" : "done", err);
     if (result != RESULT_OK)
         return result;
-    result = store_do(store,
-                      "UPDATE exam SET state = 'released', released_utc_ns = ?, verdict = ?, "
-                      "result = ?, result_hash = ?, certificate = ?, signature = ? WHERE id = ?",
-                      err, "ittttti", r->released_utc_ns, r->passed ? "passed" : "not yet", r->text,
-                      r->hash, r->certificate, r->signature, id);
+    struct exam_result *r = alloc(1, sizeof *r);
+    result = make(user, r, err);
+    if (result == RESULT_OK)
+        result = keep_result(store, id, r, err);
+    free(r);
     return end_with(store, result, "release", id, err);
 }
 
 // ---- reading ------------------------------------------------------------------------------------
 
 enum result store_find_exams(struct store *store, const char *course, const char *trainee,
-                             store_row_handler take, void *user, struct error *err) {
+                             const char *rater, store_row_handler take, void *user,
+                             struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(
         store,
-        STORE_EXAMS "WHERE (?1 IS NULL OR course.name = ?1) AND (?2 IS NULL OR trainee.name = ?2) "
-                    "ORDER BY e.id DESC LIMIT ?3",
-        &statement, err, "tti", course, trainee, (int64_t)EXAMS_MAX);
+        STORE_EXAMS
+        "WHERE (?1 IS NULL OR course.name = ?1) AND (?2 IS NULL OR "
+        "(trainee.name = ?2 AND e.id NOT IN " STORE_BLIND_EXAMS("?4") ")) "
+                                                                      "ORDER BY e.id DESC LIMIT ?3",
+        &statement, err, "ttit", course, trainee, (int64_t)EXAMS_MAX, rater);
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
@@ -209,16 +223,17 @@ enum result store_exam_raters(struct store *store, int64_t id, store_row_handler
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
-enum result store_exams_in(struct store *store, const char *course, store_row_handler take,
-                           void *user, struct error *err) {
+enum result store_exams_in(struct store *store, const char *course, const char *rater,
+                           store_row_handler take, void *user, struct error *err) {
     sqlite3_stmt *statement;
-    enum result result =
-        store_prepare(store,
-                      "SELECT t.name AS trainee, x.task, e.state FROM exam_task x "
-                      "JOIN exam e ON e.id = x.exam_id JOIN trainee t ON t.id = e.trainee_id "
-                      "JOIN course c ON c.id = e.course_id WHERE c.name = ? "
-                      "ORDER BY t.name, e.id, x.position",
-                      &statement, err, "t", course);
+    enum result result = store_prepare(
+        store,
+        "SELECT t.name AS trainee, x.task, e.state FROM exam_task x "
+        "JOIN exam e ON e.id = x.exam_id JOIN trainee t ON t.id = e.trainee_id "
+        "JOIN course c ON c.id = e.course_id WHERE c.name = ?1 "
+        "AND e.id NOT IN " STORE_BLIND_EXAMS("?2") " "
+                                                   "ORDER BY t.name, e.id, x.position",
+        &statement, err, "tt", course, rater);
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
@@ -227,26 +242,23 @@ static enum result answer_if(enum result result, bool *out_is) {
     return result == RESULT_MISSING ? RESULT_OK : result;
 }
 
-enum result store_is_blind(struct store *store, int64_t account, const char *session, bool *out_is,
-                           struct error *err) {
+enum result store_is_blind(struct store *store, const char *account, const char *session,
+                           bool *out_is, struct error *err) {
     int64_t found;
     return answer_if(store_find(store,
-                                "SELECT 1 FROM exam_rater r JOIN exam e ON e.id = r.exam_id "
-                                "JOIN exam_task x ON x.exam_id = e.id "
-                                "JOIN attempt a ON a.id = x.attempt_id "
-                                "JOIN session s ON s.id = a.session_id WHERE r.account_id = ? AND "
-                                "s.uuid = ? AND e.state <> 'released'",
-                                &found, err, "it", account, session),
+                                "SELECT 1 FROM session s WHERE s.uuid = ?1 AND "
+                                "s.id IN " STORE_BLIND_SESSIONS("?2"),
+                                &found, err, "tt", session, account),
                      out_is);
 }
 
-enum result store_is_blind_to_exam(struct store *store, int64_t account, int64_t exam, bool *out_is,
-                                   struct error *err) {
+enum result store_is_blind_to_exam(struct store *store, const char *account, int64_t exam,
+                                   bool *out_is, struct error *err) {
     int64_t found;
     return answer_if(store_find(store,
-                                "SELECT 1 FROM exam_rater r JOIN exam e ON e.id = r.exam_id "
-                                "WHERE r.account_id = ? AND e.id = ? AND e.state <> 'released'",
-                                &found, err, "ii", account, exam),
+                                "SELECT 1 FROM exam e WHERE e.id = ?1 AND "
+                                "e.id IN " STORE_BLIND_EXAMS("?2"),
+                                &found, err, "it", exam, account),
                      out_is);
 }
 

@@ -55,29 +55,35 @@ struct exam_result {
     char certificate[STORE_CERTIFICATE_MAX], signature[STORE_SIGNATURE_MAX];
     int64_t released_utc_ns;
 };
+// Fills the result in from the records, within the transaction that keeps it. The text is the
+// maker's.
+typedef enum result (*exam_result_maker)(void *user, struct exam_result *out, struct error *err);
 // incomplete: also one that is begun, without attempts at all of its tasks.
 enum result store_release_exam(struct store *store, int64_t id, bool incomplete,
-                               const struct exam_result *result, struct error *err);
+                               exam_result_maker make, void *user, struct error *err);
 
-// NULL matches every exam; the newest EXAMS_MAX, newest first, as LIST_EXAMS.
+// NULL matches every exam; the newest EXAMS_MAX, newest first, as LIST_EXAMS. rater: an
+// account, or NULL; it finds none by the name of a trainee that it must not learn.
 #define EXAMS_MAX 500
 enum result store_find_exams(struct store *store, const char *course, const char *trainee,
-                             store_row_handler take, void *user, struct error *err);
+                             const char *rater, store_row_handler take, void *user,
+                             struct error *err);
 
 // account, rated: the raters of an exam and whether each has rated all of its attempts.
 enum result store_exam_raters(struct store *store, int64_t id, store_row_handler take, void *user,
                               struct error *err);
 
-// trainee, task, state: the tasks of a course's exams, the newest exam last.
-enum result store_exams_in(struct store *store, const char *course, store_row_handler take,
-                           void *user, struct error *err);
+// trainee, task, state: the tasks of a course's exams, the newest exam last; without those that
+// the rater (NULL: nobody) is blind to.
+enum result store_exams_in(struct store *store, const char *course, const char *rater,
+                           store_row_handler take, void *user, struct error *err);
 
 // Whether the account is to rate an attempt of this session in an exam that was not released: then
 // it must not learn whose it is. exam: the same of an exam.
-enum result store_is_blind(struct store *store, int64_t account, const char *session, bool *out_is,
-                           struct error *err);
-enum result store_is_blind_to_exam(struct store *store, int64_t account, int64_t exam, bool *out_is,
-                                   struct error *err);
+enum result store_is_blind(struct store *store, const char *account, const char *session,
+                           bool *out_is, struct error *err);
+enum result store_is_blind_to_exam(struct store *store, const char *account, int64_t exam,
+                                   bool *out_is, struct error *err);
 
 // The place that an attempt would take now. RESULT_MISSING: the trainee has none, and the error
 // says so.
@@ -125,7 +131,7 @@ enum result store_ratings_of(struct store *store, const char *session, int numbe
 enum result store_to_rate(struct store *store, int64_t account, store_row_handler take, void *user,
                           struct error *err);
 
-// The ratings of a course's attempts that two or more have rated: attempt (its number in the
-// records), sum, competent; those of an attempt after each other.
+// The ratings by an exam's raters of a course's attempts that two or more have rated: attempt (its
+// number in the records), sum, competent; those of an attempt after each other.
 enum result store_rated_twice(struct store *store, const char *course, store_row_handler take,
                               void *user, struct error *err);

@@ -178,16 +178,20 @@ enum result store_find_sessions(struct store *store, const struct store_filter *
     sqlite3_stmt *statement;
     enum result result = store_prepare(
         store,
-        SESSIONS
-        "WHERE (?1 IS NULL OR trainee.name = ?1) AND (?2 IS NULL OR s.trainee_id IN "
-        "(SELECT trainee_id FROM enrolment WHERE course_id = "
-        "(SELECT id FROM course WHERE name = ?2))) AND (?3 IS NULL OR knee_case.name = ?3) AND "
-        "(?4 IS NULL OR (s.start_utc_ns, s.id) < "
-        "(SELECT b.start_utc_ns, b.id FROM session b LEFT JOIN trainee w ON w.id = b.trainee_id "
-        "WHERE b.uuid = ?4 AND (?1 IS NULL OR w.name = ?1))) "
-        "ORDER BY s.start_utc_ns DESC, s.id DESC LIMIT ?5",
-        &statement, err, "tttti", filter->trainee, filter->course, filter->case_name,
-        filter->before, (int64_t)filter->limit);
+        SESSIONS "WHERE (?1 IS NULL OR (trainee.name = ?1 AND s.id NOT IN " STORE_BLIND_SESSIONS(
+            "?6") ")) AND (?2 IS NULL OR s.trainee_id IN "
+                  "(SELECT trainee_id FROM enrolment WHERE course_id = "
+                  "(SELECT id FROM course WHERE name = ?2))) AND (?3 IS NULL OR knee_case.name = "
+                  "?3) AND "
+                  "(?4 IS NULL OR (s.start_utc_ns, s.id) < "
+                  "(SELECT b.start_utc_ns, b.id FROM session b LEFT JOIN trainee w ON w.id = "
+                  "b.trainee_id "
+                  "WHERE b.uuid = ?4 AND (?1 IS NULL OR (w.name = ?1 AND b.id NOT "
+                  "IN " STORE_BLIND_SESSIONS(
+                      "?6") ")))) "
+                            "ORDER BY s.start_utc_ns DESC, s.id DESC LIMIT ?5",
+        &statement, err, "ttttit", filter->trainee, filter->course, filter->case_name,
+        filter->before, (int64_t)filter->limit, filter->rater);
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 

@@ -27,10 +27,10 @@ static enum result check_rating(const int levels[RATING_DOMAINS], const char *re
     return remark ? text_check(remark, "remark", STORE_TEXT_MAX, err) : RESULT_OK;
 }
 
-// What was released does not change any more.
-static enum result find_open(struct store *store, const char *session, int number, int64_t *out_id,
-                             struct error *err) {
-    int64_t released;
+// What was released does not change any more, and what is an exam's is rated by its raters.
+static enum result find_open(struct store *store, const char *session, int number, int64_t account,
+                             int64_t *out_id, struct error *err) {
+    int64_t released, other;
     enum result result = store_find(store,
                                     "SELECT a.id FROM attempt a JOIN session s ON "
                                     "s.id = a.session_id WHERE s.uuid = ? AND a.number = ?",
@@ -46,6 +46,15 @@ static enum result find_open(struct store *store, const char *session, int numbe
     if (result == RESULT_OK && released)
         result =
             fail(err, RESULT_REFUSED, "%s: the exam of this attempt was released", store->path);
+    if (result == RESULT_OK)
+        result = store_find(store,
+                            "SELECT EXISTS (SELECT 1 FROM exam_task x WHERE x.attempt_id = ?1) AND "
+                            "NOT EXISTS (SELECT 1 FROM exam_task x JOIN exam_rater r ON "
+                            "r.exam_id = x.exam_id WHERE x.attempt_id = ?1 AND r.account_id = ?2)",
+                            &other, err, "ii", *out_id, account);
+    if (result == RESULT_OK && other)
+        result = fail(err, RESULT_REFUSED, "%s: only its raters rate the attempt of an exam",
+                      store->path);
     return result;
 }
 
@@ -59,7 +68,7 @@ enum result store_put_rating(struct store *store, const char *session, int numbe
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = find_open(store, session, number, &id, err);
+    result = find_open(store, session, number, account, &id, err);
     if (result == RESULT_OK)
         result = store_do(
             store,
@@ -113,7 +122,9 @@ enum result store_rated_twice(struct store *store, const char *course, store_row
         "FROM rating r JOIN attempt a ON a.id = r.attempt_id "
         "JOIN session s ON s.id = a.session_id JOIN enrolment e ON e.trainee_id = s.trainee_id "
         "JOIN course c ON c.id = e.course_id WHERE c.name = ?1 AND (SELECT count(*) FROM rating q "
-        "WHERE q.attempt_id = a.id) > 1 ORDER BY r.attempt_id, r.id",
+        "WHERE q.attempt_id = a.id) > 1 AND EXISTS (SELECT 1 FROM exam_task x JOIN exam_rater w "
+        "ON w.exam_id = x.exam_id WHERE x.attempt_id = a.id AND w.account_id = r.account_id) "
+        "ORDER BY r.attempt_id, r.id",
         &statement, err, "ti", course, (int64_t)RATING_COMPETENT);
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }

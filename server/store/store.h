@@ -329,6 +329,8 @@ struct store_filter {
     const char *trainee, *course, *case_name; // course: of its trainees
     const char *before; // only those that began before this session (of `trainee`, if given)
     int limit;
+    // A rater, who finds nothing by the name of a trainee that it must not learn; NULL: nobody.
+    const char *rater;
 };
 
 // Newest first, as LIST_SESSIONS.

@@ -276,6 +276,7 @@ static void a_pass_mark_has_a_source_and_versions(void **state) {
     assert_float_equal(number_at("tasks.0.mark.time_s"), 95, 0);
     assert_string_equal(text_at("tasks.1.tools.0"), "scope");
     assert_string_equal(text_at("tasks.1.tools.1"), "probe");
+    assert_string_equal(text_at("tasks.0.tools.1"), "(none)"); // nothing is touched
 }
 
 static void the_attempts_behind_a_mark_say_how_many_would_pass(void **state) {
@@ -328,12 +329,22 @@ static void plan_exam(const char *more) {
 }
 
 // The case has the hash of the sessions of the test.
-static void begin_exam(void) {
+static void begin_exam_of(int id) {
     struct store *store = api_store();
     struct exam_checklist checked = {.who = true, .station_check = true, .drift_mm = 0.4};
     snprintf(checked.case_hashes[0], 17, "%016d", 7);
     snprintf(checked.case_hashes[1], 17, "%016d", 7);
-    assert_ok(store_begin_exam(store, 1, &checked, &err));
+    assert_ok(store_begin_exam(store, id, &checked, &err));
+    store_close(&store);
+}
+
+static void begin_exam(void) {
+    begin_exam_of(1);
+}
+
+static void add_instructor(const char *name) {
+    struct store *store = api_store();
+    assert_ok(store_add_account(store, name, ROLE_INSTRUCTOR, NO_PASSWORD, NULL, &err));
     store_close(&store);
 }
 
@@ -357,6 +368,11 @@ static void an_exam_is_withheld_until_it_is_released_and_signed(void **state) {
     const char *ada = token_of("ada.l"), *grace = token_of("grace");
     plan_exam("");
     assert_string_equal(text_at("exam.state"), "planned");
+    must(200, "GET", "/exams/1", ada, NULL);
+    assert_string_equal(text_at("exam.items.0.task"), "(none)"); // sealed
+    must(400, "POST", "/exams", grace,
+         "{\"course\":\"autumn\",\"trainee\":\"ada\",\"title\":\"A\",\"tasks\":[\"steady\"],"
+         "\"cases\":[\"healthy\"],\"raters\":[\"grace\"]}");
     must(409, "POST", "/exams/1/release", grace, "{}");
     must(409, "POST", "/exams/1/interventions", grace, "{\"reason\":\"too early\"}");
     attempt((struct made){SESSION_ADA, "steady", .purpose = "exam"}); // before it began
@@ -387,6 +403,7 @@ static void an_exam_is_withheld_until_it_is_released_and_signed(void **state) {
     must(200, "GET", "/exams/1", ada, NULL);
     assert_string_equal(text_at("exam.verdict"), "passed");
     assert_non_null(strstr(text_at("exam.result.text"), "The hose came off."));
+    assert_null(strstr(answer.body, "seed"));
     assert_true(json_is_true(json_object_get(json_object_get(said, "exam"), "flagged")));
     must(200, "GET", "/attempts", ada, NULL);
     assert_string_equal(text_at("attempts.0.verdict"), "passed");
@@ -442,37 +459,49 @@ static void rate(const char *token, int number, int level, int status) {
 
 static void raters_know_neither_the_trainee_nor_each_other(void **state) {
     (void)state;
-    struct store *store = api_store();
-    assert_ok(store_add_account(store, "rita", ROLE_INSTRUCTOR, NO_PASSWORD, NULL, &err));
-    assert_ok(store_add_account(store, "rob", ROLE_INSTRUCTOR, NO_PASSWORD, NULL, &err));
-    store_close(&store);
-    const char *rita = token_of("rita"), *rob = token_of("rob");
+    add_instructor("rita");
+    add_instructor("rob");
     static const char *const paths[] = {
         "/exams/1", "/exams", "/attempts", "/rate", "/sessions/" SESSION_ADA, "/sessions"};
     plan_exam(",\"raters\":[\"rita\",\"rob\"]");
     begin_exam();
+    passed("probing", "right"); // of the same session
     int number = attempt((struct made){SESSION_ADA, "steady", .purpose = "exam"});
     for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
-        must(200, "GET", paths[i], rita, NULL);
+        must(200, "GET", paths[i], token_of("rita"), NULL);
         if (strstr(answer.body, "\"ada"))
             fail_msg("%s: %s", paths[i], answer.body);
     }
-    must(403, "GET", "/sessions/" SESSION_ADA "/trace", rita, NULL);
-    must(403, "GET", "/sessions/" SESSION_ADA "/report", rita, NULL);
+    static const char *const oracles[] = {"/attempts?trainee=ada", "/sessions?trainee=ada",
+                                          "/exams?trainee=ada", "/curve?task=probing&trainee=ada"};
+    for (size_t i = 0; i < sizeof oracles / sizeof *oracles; i++) {
+        must(200, "GET", oracles[i], token_of("rita"), NULL);
+        if (strstr(answer.body, SESSION_ADA) || strstr(answer.body, "\"Final"))
+            fail_msg("%s: %s", oracles[i], answer.body);
+        must(200, "GET", oracles[i], token_of("grace"), NULL);
+        assert_true(strstr(answer.body, SESSION_ADA) || strstr(answer.body, "\"Final"));
+    }
+    must(200, "GET", "/exams/1", token_of("rita"), NULL);
+    assert_string_equal(text_at("exam.items.0.verdict"), "(none)");
+    must(200, "GET", "/attempts?purpose=exam", token_of("rita"), NULL);
+    assert_string_equal(text_at("attempts.0.verdict"), "(none)");
+    rate(token_of("grace"), number, 3, 409); // no rater of it
+    must(403, "GET", "/sessions/" SESSION_ADA "/trace", token_of("rita"), NULL);
+    must(403, "GET", "/sessions/" SESSION_ADA "/report", token_of("rita"), NULL);
     must(200, "GET", "/sessions/" SESSION_ADA, token_of("grace"), NULL);
     assert_string_equal(text_at("session.trainee"), "ada");
-    must(200, "GET", "/rate", rita, NULL);
+    must(200, "GET", "/rate", token_of("rita"), NULL);
     assert_int_equal(count_at("attempts"), 1);
     char path[96];
     snprintf(path, sizeof path, "/attempts/" SESSION_ADA "/%d/ratings", number);
-    rate(rob, number, 2, 201);
-    must(200, "GET", path, rita, NULL);
+    rate(token_of("rob"), number, 2, 201);
+    must(200, "GET", path, token_of("rita"), NULL);
     assert_int_equal(count_at("ratings"), 0);
     assert_float_equal(number_at("others"), 1, 0);
     assert_true(json_is_null(json_object_get(said, "agreement")));
-    rate(rita, number, 4, 201);
+    rate(token_of("rita"), number, 4, 201);
     assert_float_equal(number_at("rating.sum"), 27, 0);
-    must(200, "GET", path, rita, NULL);
+    must(200, "GET", path, token_of("rita"), NULL);
     assert_int_equal(count_at("ratings"), 2);
     assert_float_equal(number_at("agreement.difference"), 2, 0);
     must(200, "GET", path, token_of("ada.l"), NULL);
@@ -481,6 +510,9 @@ static void raters_know_neither_the_trainee_nor_each_other(void **state) {
     must(200, "GET", path, token_of("ada.l"), NULL);
     assert_int_equal(count_at("ratings"), 2);
     assert_null(strstr(answer.body, "rita"));
+    must(200, "GET", "/exams/1", token_of("ada.l"), NULL);
+    assert_null(strstr(answer.body, "rita"));
+    assert_non_null(strstr(text_at("exam.result.text"), "\"rater\":2"));
     rate(token_of("rita"), number, 5, 409);
     must(200, "GET", "/courses/autumn/agreement", token_of("grace"), NULL);
     assert_float_equal(number_at("pairs"), 1, 0);
@@ -488,17 +520,21 @@ static void raters_know_neither_the_trainee_nor_each_other(void **state) {
 
 static void the_agreement_of_a_course_is_that_of_its_pairs(void **state) {
     (void)state;
-    struct store *store = api_store();
-    assert_ok(store_add_account(store, "rita", ROLE_INSTRUCTOR, NO_PASSWORD, NULL, &err));
-    store_close(&store);
-    const char *rita = token_of("rita"), *grace = token_of("grace");
+    add_instructor("rita");
+    add_instructor("rob");
     for (int i = 0; i < 4; i++) {
-        int number = attempt((struct made){SESSION_ADA, "steady"});
-        rate(rita, number, i + 1, 201);
-        rate(grace, number, i + 1, 201);
+        plan_exam(",\"raters\":[\"rita\",\"rob\"]");
+        begin_exam_of(i + 1);
+        int number = attempt((struct made){SESSION_ADA, "steady", .purpose = "exam"});
+        rate(token_of("rita"), number, i + 1, 201);
+        rate(token_of("rob"), number, i + 1, 201);
+        attempt((struct made){SESSION_ADA, "probing", .purpose = "exam"});
     }
+    int practice = attempt((struct made){SESSION_ADA, "steady"}); // nobody rates it blindly
+    rate(token_of("rita"), practice, 1, 201);
+    rate(token_of("grace"), practice, 5, 201);
     passed("steady", "right"); // nobody rates it
-    must(200, "GET", "/courses/autumn/agreement", grace, NULL);
+    must(200, "GET", "/courses/autumn/agreement", token_of("grace"), NULL);
     assert_float_equal(number_at("pairs"), 4, 0);
     assert_float_equal(number_at("icc"), 1, 1e-12);
     assert_float_equal(number_at("kappa"), 1, 1e-12);
@@ -509,11 +545,12 @@ static void the_agreement_of_a_course_is_that_of_its_pairs(void **state) {
 static void erasing_a_trainee_erases_attempts_ratings_and_exams(void **state) {
     (void)state;
     const char *grace = token_of("grace");
-    plan_exam(",\"raters\":[\"grace\"]");
+    add_instructor("rita");
+    plan_exam(",\"raters\":[\"rita\"]");
     begin_exam();
     int number = attempt((struct made){SESSION_ADA, "steady", .purpose = "exam"});
     must(200, "POST", "/exams/1/interventions", grace, "{\"reason\":\"Ada fainted.\"}");
-    rate(grace, number, 4, 201);
+    rate(token_of("rita"), number, 4, 201);
     attempt((struct made){SESSION_EVE, "steady"});
     must(200, "POST", "/trainees/ada/erase", grace, "{}");
     struct store *store = api_store();

@@ -110,6 +110,17 @@ static bool allowed(void *user, const struct live_account *viewer_account, const
     return is_instructor || (ownership.is_own && !withheld);
 }
 
+// Where the records do not say it, nobody learns the name.
+static bool is_blind(void *user, const struct live_account *viewer_account, const char *session) {
+    const struct browsers *b = user;
+    struct store *store;
+    bool blind = true;
+    if (store_open(b->records, STORE_THERE, viewer_account->name, &store, NULL) == RESULT_OK)
+        store_is_blind(store, viewer_account->name, session, &blind, NULL);
+    store_close(&store);
+    return blind;
+}
+
 // ---- joining ------------------------------------------------------------------------------------
 
 static const struct knee_case *find_case(void *sessions, uint64_t case_hash) {
@@ -227,7 +238,7 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
 }
 
 static void open_live(struct browsers *b, struct sessions *sessions) {
-    const struct live_config config = {b, allowed};
+    const struct live_config config = {.user = b, .allowed = allowed, .is_blind = is_blind};
     b->live = live_server_create(sessions, &config);
 }
 

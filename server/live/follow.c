@@ -54,7 +54,7 @@ static bool put_attempt(struct live_server *live, const struct viewer *viewer, i
     if (attempt->session != cache->about.serial || !attempt->session ||
         (sent->attempt_of == attempt->session && sent->attempt == attempt->news))
         return true;
-    if (attempt->state.number) {
+    if (attempt->state.number && viewer->role != ROLE_TECHNICIAN) { // to whom no result is shown
         live->item = (arthron_Live){.which_message = arthron_Live_attempt_tag};
         live->item.message.attempt = attempt->state;
         live->item.message.attempt.station_number = (uint32_t)station;
@@ -198,6 +198,14 @@ static bool introduce(struct live_server *live, struct viewer *viewer, struct li
     return true;
 }
 
+// A trainee gets neither the plan's figures nor what others remark, as long as the exam is the
+// session's newest attempt.
+static bool is_examined(const struct live_server *live, const struct viewer *viewer) {
+    const struct live_attempt *attempt = &live->cache[viewer->station].attempt;
+    return !is_staff(viewer) && attempt->session == viewer->session && attempt->state.number &&
+           attempt->state.purpose == arthron_AttemptState_Purpose_EXAM;
+}
+
 static void put_remarks(struct live_server *live, struct viewer *viewer, struct live_batch *batch) {
     struct kept_remark remarks[REMARKS_AT_ONCE];
     uint64_t revision;
@@ -241,6 +249,12 @@ static bool is_told(const struct viewer *viewer, int tissue, const struct tissue
            told->refused == f->refused;
 }
 
+static void withhold_plan(arthron_Resection *resection) {
+    resection->planned_mm3 = resection->over_mm3 = resection->under_mm3 = 0;
+    resection->damage_mm3 = resection->left_mm3 = 0;
+    resection->rim_mm = resection->step_mm = 0;
+}
+
 static void put_resections(struct live_server *live, struct viewer *viewer,
                            struct live_batch *batch) {
     const struct scene *scene =
@@ -255,6 +269,8 @@ static void put_resections(struct live_server *live, struct viewer *viewer,
         reply_resection(&report.figures[i],
                         scene_case(scene)->groups[scene_tissue_group(scene, i)].name,
                         report.mesh_hashes[i], &live->item.message.resection);
+        if (is_examined(live, viewer))
+            withhold_plan(&live->item.message.resection);
         if (!batch_say(batch, &live->item))
             return;
         viewer->resected[i] = true;
@@ -341,12 +357,15 @@ static void put_what_moves(struct live_server *live, struct viewer *viewer, int6
                            struct live_batch *batch) {
     struct sent_state *sent = &viewer->sent[viewer->station];
     const struct station_cache *cache = &live->cache[viewer->station];
-    put_remarks(live, viewer, batch);
+    bool examined = is_examined(live, viewer);
+    if (!examined)
+        put_remarks(live, viewer, batch);
     put_markers(live, viewer, batch);
     put_resections(live, viewer, batch);
     put_attempt(live, viewer, viewer->station, sent, batch);
     put_moment(cache, sent, batch);
-    put_metrics(live, viewer, now_ns, batch);
+    if (!examined)
+        put_metrics(live, viewer, now_ns, batch);
 }
 
 int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t now_ns,

@@ -25,6 +25,8 @@ struct live_config {
     // Whether the account may see a recorded session (32 hexadecimal digits). Called from a thread
     // that may wait for the records.
     bool (*allowed)(void *user, const struct live_account *account, const char *session);
+    // Whether it must not learn whose session it is; NULL: it may. Called from that thread, too.
+    bool (*is_blind)(void *user, const struct live_account *account, const char *session);
     // How long a page may take less than 64 KiB of a recorded session while other pages wait for
     // the thread that plays it; 0: 10 s.
     int patience_ms;

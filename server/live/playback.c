@@ -193,7 +193,9 @@ static enum result play(struct playback *p, struct error *err) {
     if (!config->allowed || !config->allowed(config->user, &p->turn.account, p->watch.session))
         return fail(err, RESULT_REFUSED, "there is no session %s that you may see",
                     p->watch.session);
-    struct replay_sink sink = {p, say, say_mesh, &p->item};
+    bool blind =
+        config->is_blind && config->is_blind(config->user, &p->turn.account, p->watch.session);
+    struct replay_sink sink = {p, say, say_mesh, &p->item, blind};
     return replay_stream_run(p->live->sessions, &p->watch, &sink, err);
 }
 

@@ -108,7 +108,8 @@ static void say_session(struct replay_stream *f, const char *path) {
     out->recorded = true;
     memcpy(out->id, f->header.session_id, sizeof out->id);
     snprintf(out->station, sizeof out->station, "%s", f->header.station);
-    snprintf(out->trainee, sizeof out->trainee, "%s", f->header.trainee);
+    if (!f->sink->blind)
+        snprintf(out->trainee, sizeof out->trainee, "%s", f->header.trainee);
     snprintf(out->case_name, sizeof out->case_name, "%s", f->case_name);
     snprintf(out->own_case, sizeof out->own_case, "%s",
              f->own_case ? f->case_name : f->header.case_name);

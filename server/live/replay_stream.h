@@ -10,6 +10,7 @@ struct replay_sink {
     bool (*say)(void *user, const arthron_Live *item);
     bool (*say_mesh)(void *user, const struct mesh_payload *payload);
     arthron_Live *item; // room for one
+    bool blind;         // the trainee's name is left out
 };
 
 // watch: a session of the server's traces or records; the rate; with or without meshes; and its own

@@ -48,12 +48,39 @@ POST   /courses                401  403          403          403          400
 GET    /courses/*              401  403          403          403          200/200/404
 PATCH  /courses/*              401  403          403          403          400
 DELETE /courses/*              401  403          403          403          204/204/404
+GET    /courses/*/export       401  403          403          403          200/200/404
+GET    /courses/*/curriculum   401  200/404/404  200/404/404  403          200/200/404
+PUT    /courses/*/curriculum   401  403          403          403          400
+GET    /courses/*/progress     401  200/404/404  200/404/404  403          200/200/404
+GET    /courses/*/agreement    401  403          403          403          200/200/404
 POST   /courses/*/trainees     401  403          403          403          400
 DELETE /courses/*/trainees/*   401  403          403          403          204/204/404
 GET    /server                 401  200          200          200          200
 GET    /stations               401  403          403          200          200
 POST   /stations/*/code        401  403          403          201/201/404  201/201/404
 POST   /stations/*/revoke      401  403          403          409/409/404  409/409/404
+POST   /stations/*/attempt     401  400          400          403          400
+DELETE /stations/*/attempt     401  409          409          403          409
+GET    /tasks                  401  200          200          200          200
+GET    /tasks/*                401  404          404          404          404
+GET    /tasks/*/mark           401  403          403          403          404
+PUT    /tasks/*/mark           401  403          403          403          404
+GET    /tasks/*/trials         401  403          403          403          404
+GET    /tasks/*/contrast       401  403          403          403          404
+GET    /trainees/me/today      401  200          200          403          403
+GET    /attempts               401  200          200          403          200
+GET    /attempts/*/1           401  200/404/404  200/404/404  403          200/200/404
+GET    /attempts/*/1/ratings   401  200/404/404  200/404/404  403          200/200/404
+POST   /attempts/*/1/ratings   401  403          403          403          400/400/404
+GET    /curve                  401  400          400          403          400
+GET    /rate                   401  403          403          403          200
+GET    /exams                  401  200          200          403          200
+POST   /exams                  401  403          403          403          400
+GET    /exams/*                401  200/404/404  200/404/404  403          200/200/404
+DELETE /exams/*                401  403          403          403          204/204/404
+POST   /exams/*/begin          401  403          403          403          400/400/404
+POST   /exams/*/interventions  401  403          403          403          400/400/404
+POST   /exams/*/release        401  403          403          403          409/409/404
 GET    /cases                  401  200          200          200          200
 GET    /cases/*                401  200/200/404  200/200/404  200/200/404  200/200/404
 GET    /cases/*/case.json      401  200/200/404  200/200/404  200/200/404  200/200/404
@@ -83,7 +110,7 @@ def routes():
     """{(method, path): roles}, as the server has them."""
     with open(os.path.join(SOURCE, "server/api/routes.c"), encoding="utf-8") as file:
         found = re.findall(r'\{"([A-Z]+)",\s*"(/[^"]*)",\s*(\w+),', file.read())
-    return {(method, path): roles for method, path, roles in found}
+    return {(method, path.replace("*/*", "*/1")): roles for method, path, roles in found}
 
 
 class Walker:
@@ -148,8 +175,20 @@ class Crawl(Hall, Siege):
             db.execute("INSERT INTO session (uuid, station_id, trainee_id, case_id, start_utc_ns, end_utc_ns, state, "
                        "steps, missing, trace) VALUES (?, 1, (SELECT id FROM trainee WHERE name = ?), 1, ?, ?, "
                        "'closed', 10, 0, ?)", (name, trainee, self.made * 10**9, self.made * 10**9 + 1, trace))
+            db.execute("INSERT INTO attempt (session_id, number, task, task_version, title, file_hash, purpose, hand, "
+                       "first_step, last_step, begun_utc_ns, time_s, goals, goals_met, errors, sentinel, verdict, end, "
+                       "pass_time_s, pass_errors, mark_version, figures, occurrences) VALUES (last_insert_rowid(), 1, "
+                       "'centring', 1, 'Centring', ?, 'practice', 'right', 1, 9, ?, 5, 1, 1, 0, 0, 'passed', 'done', "
+                       "60, 1, 0, '{}', '[]')", ("0" * 64, self.made * 10**9))
         db.close()
         return name
+
+    def seed_exam(self, trainee):
+        with sqlite3.connect(self.db, timeout=20) as db:
+            row = db.execute("INSERT INTO exam (trainee_id, title, state, seed, created_utc_ns) VALUES "
+                             "((SELECT id FROM trainee WHERE name = ?), 'Knee', 'planned', 7, 1)", (trainee,))
+        db.close()
+        return str(row.lastrowid)
 
     def fresh(self, kind, make):
         self.made += 1
@@ -195,6 +234,10 @@ class Crawl(Hall, Siege):
             return own + ["nothing"]
         if kind == "stations":
             return "room-1", "room-2", "room-9"
+        if kind == "tasks":
+            return ("nothing",) * 3
+        if kind == "exams":
+            return self.seed_exam("ada"), self.seed_exam("eve"), "99999"
         if kind == "cases":
             return "healthy", "arthrosis", "nothing"
         return self.seed_session("ada"), self.seed_session("eve"), "f" * 32

@@ -292,6 +292,20 @@ static void take_course(void *user, const struct store_cell *cells, int count) {
 }
 
 // A trainee sees that of a course that they are in.
+bool call_find_course(struct api_call *call) {
+    struct error err = {""};
+    json_t *rows = json_array();
+    enum result result =
+        store_rows(call->store, LIST_COURSES, call->args[0], call_take_row, rows, &err);
+    bool there = json_array_size(rows);
+    json_decref(rows);
+    if (!call_check(call, result, &err))
+        return false;
+    if (!there)
+        call_refuse(call, 404, "not_found", NULL, "There is no course '%s'.", call->args[0]);
+    return there;
+}
+
 bool call_may_see(struct api_call *call, const char *course) {
     struct membership m = {.course = course};
     struct error err = {""};

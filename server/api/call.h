@@ -91,6 +91,8 @@ bool call_take_limit(struct api_call *call, const struct call_query *query, int 
 // Whether the principal may see the figures of a course (NULL: of all trainees): a trainee only of
 // a course that they are in.
 bool call_may_see(struct api_call *call, const char *course);
+// Whether the course that the path names is there; otherwise 404 is answered.
+bool call_find_course(struct api_call *call);
 
 // Answers {key: rows}, or the error of reading them; takes the rows.
 void call_answer_rows(struct api_call *call, const char *key, json_t *rows, enum result result,

@@ -122,23 +122,9 @@ void post_courses(struct api_call *call) {
         call_answer(call, 201, json_pack("{s:{s:s}}", "course", "name", name));
 }
 
-static bool find_course(struct api_call *call) {
-    struct error err = {""};
-    json_t *rows = json_array();
-    enum result result =
-        store_rows(call->store, LIST_COURSES, call->args[0], call_take_row, rows, &err);
-    bool there = json_array_size(rows);
-    json_decref(rows);
-    if (!call_check(call, result, &err))
-        return false;
-    if (!there)
-        call_refuse(call, 404, "not_found", NULL, "There is no course '%s'.", call->args[0]);
-    return there;
-}
-
 void get_course(struct api_call *call) {
     struct error err = {""};
-    if (!find_course(call))
+    if (!call_find_course(call))
         return;
     json_t *rows = json_array();
     enum result result = store_trainees_in(call->store, call->args[0], call_take_row, rows, &err);

@@ -196,6 +196,8 @@ static json_t *kappa_of(const struct pairs *p) {
 void get_agreement(struct api_call *call) {
     struct pairs p = {.attempt = -1};
     struct error err = {""};
+    if (!call_find_course(call))
+        return;
     enum result result = store_rated_twice(call->store, call->args[0], take_pair, &p, &err);
     if (call_check(call, result, &err))
         call_answer(call, 200,

@@ -60,7 +60,7 @@ GET    /stations               401  403          403          200          200
 POST   /stations/*/code        401  403          403          201/201/404  201/201/404
 POST   /stations/*/revoke      401  403          403          409/409/404  409/409/404
 POST   /stations/*/attempt     401  400          400          403          400
-DELETE /stations/*/attempt     401  409          409          403          409
+DELETE /stations/*/attempt     401  409          409          403          409/409/404
 GET    /tasks                  401  200          200          200          200
 GET    /tasks/*                401  404          404          404          404
 GET    /tasks/*/mark           401  403          403          403          404
@@ -71,15 +71,15 @@ GET    /trainees/me/today      401  200          200          403          403
 GET    /attempts               401  200          200          403          200
 GET    /attempts/*/1           401  200/404/404  200/404/404  403          200/200/404
 GET    /attempts/*/1/ratings   401  200/404/404  200/404/404  403          200/200/404
-POST   /attempts/*/1/ratings   401  403          403          403          400/400/404
+POST   /attempts/*/1/ratings   401  403          403          403          400
 GET    /curve                  401  400          400          403          400
 GET    /rate                   401  403          403          403          200
 GET    /exams                  401  200          200          403          200
 POST   /exams                  401  403          403          403          400
 GET    /exams/*                401  200/404/404  200/404/404  403          200/200/404
 DELETE /exams/*                401  403          403          403          204/204/404
-POST   /exams/*/begin          401  403          403          403          400/400/404
-POST   /exams/*/interventions  401  403          403          403          400/400/404
+POST   /exams/*/begin          401  403          403          403          400
+POST   /exams/*/interventions  401  403          403          403          400
 POST   /exams/*/release        401  403          403          403          409/409/404
 GET    /cases                  401  200          200          200          200
 GET    /cases/*                401  200/200/404  200/200/404  200/200/404  200/200/404

@@ -386,9 +386,9 @@ static void leave_the_rest(struct recorder *r) {
         w->kind == WAITING_ENTRY ? count++ : w->kind == WAITING_ATTEMPT ? attempts++ : sessions++;
     log_error(
         "records",
-        "%s: %zu sessions, %zu attempts and %zu audit entries are not written: the next start "
-        "does it",
-        r->records, sessions, attempts, count);
+        "%s: %zu sessions and %zu audit entries are not written: the next start does it; %zu "
+        "attempts are in their traces alone",
+        r->records, sessions, count, attempts);
     if (!count || write_spool(r, &at, &err) == RESULT_OK)
         return;
     log_error("records", "the audit entries are lost: %s", err.text);

@@ -286,7 +286,7 @@ export class Scope {
     picture.sign("marker", markerAt(source, Infinity) ? text.scope.marker : "");
     const from = own ? text.scope.sources.station : this.settings.place ? text.scope.sources.trying : text.scope.sources.server;
     picture.sign("source", this.timing ? `${from} · ${text.scope.optic(this.optic.tiltDeg)}` : "");
-    if (!source.session) picture.say(source.trouble ? empty(source.refused ? text.station.notYours : text.station.noSession, source.trouble) : loading(text.scope.waiting));
+    if (!source.session) picture.say(!source.trouble ? loading(text.scope.waiting) : source.refused ? empty(source.trouble) : empty(text.station.noSession, source.trouble));
   }
 
   // ---- settings --------------------------------------------------------------------------------------

@@ -120,6 +120,7 @@ function Resections({ of }: { of: Panels }) {
 }
 
 function Events({ of }: { of: Panels }) {
+  void of.drawn.value; // who reads a signal is drawn again by signals alone
   const listed = of.takeEvents();
   useLayoutEffect(() => of.markEvent());
   const told = ({ event, times, blink, words, devices }: Listed): string =>

@@ -418,7 +418,6 @@ void recorder_write_last(struct recorder *r) {
 
 // The rows first, then the scores of those that had still to be read.
 static bool write_the_rest(struct recorder *r) {
-    scoring_hurry(r->scoring);
     bool wrote = write_all(r);
     scoring_stop(&r->scoring);
     return wrote && write_all(r);
@@ -479,6 +478,7 @@ void recorder_stop(struct recorder **recorder) {
     struct recorder *r = *recorder;
     if (!r)
         return;
+    scoring_hurry(r->scoring); // before a row that waits for the records brings a large trace
     pthread_mutex_lock(&r->mutex);
     r->stop = true;
     pthread_cond_signal(&r->wake);

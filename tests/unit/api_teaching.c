@@ -358,7 +358,7 @@ static void assert_signed(void) {
     snprintf(seal->certificate, sizeof seal->certificate, "%s", text_at("exam.result.certificate"));
     snprintf(seal->signature, sizeof seal->signature, "%s", text_at("exam.result.signature"));
     assert_ok(exam_seal_check(seal, authority, by, &err));
-    seal->head.hash[0] ^= 1; // another result
+    seal->head.hash[0] = seal->head.hash[0] == '0' ? '1' : '0'; // another result
     assert_int_equal(exam_seal_check(seal, authority, by, &err), RESULT_REFUSED);
     free(seal);
 }

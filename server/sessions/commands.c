@@ -110,12 +110,17 @@ static bool is_of(const struct station_status *status, const char *trainee) {
     return status->phase != SLOT_EMPTY && !strcmp(status->about.trainee, trainee);
 }
 
+// A trainee learns neither which stations there are nor which have a session.
+static bool refuse_trainee(const char *station, arthron_CommandReply *reply) {
+    return reply_refuse(reply, "station %s: it has no session of yours", station);
+}
+
 static bool is_theirs(struct sessions *s, int station, const char *trainee,
                       arthron_CommandReply *reply) {
     struct station_status status;
     station_slot_status(&s->slots[station], &status);
     return !trainee[0] || is_of(&status, trainee) ||
-           reply_refuse(reply, "station %s: it has no session of yours", station_name(s, station));
+           refuse_trainee(station_name(s, station), reply);
 }
 
 static bool ask_for_help(struct sessions *s, int station, arthron_CommandReply *reply) {
@@ -210,7 +215,7 @@ static void note(struct sessions *s, const char *actor, const arthron_Command *c
 static void command_session(struct sessions *s, const char *actor, const arthron_Command *command,
                             int station, arthron_CommandReply *reply) {
     // A trainee waits for no other's session, and meanwhile it may have become another's.
-    if (!has_session(s, station, reply) || !is_theirs(s, station, command->trainee, reply) ||
+    if (!is_theirs(s, station, command->trainee, reply) || !has_session(s, station, reply) ||
         !course_open(s, station, reply) || !is_theirs(s, station, command->trainee, reply))
         return;
     if (command->kind == arthron_Command_Kind_PAUSE)
@@ -283,6 +288,11 @@ void commands_run(struct sessions *s, const char *actor, const arthron_Command *
         return;
     }
     int station = sessions_find_station(&s->config, command->station);
+    bool by_trainee = command->kind != arthron_Command_Kind_ASSIGN && command->trainee[0];
+    if (station < 0 && by_trainee) {
+        refuse_trainee(command->station, reply);
+        return;
+    }
     if (station < 0) {
         reply_refuse_as(reply, arthron_Why_Code_NO_STATION, command->station,
                         "there is no station %s in the server's config", command->station);

@@ -70,6 +70,13 @@ static void tell_devices(struct station_cache *s, const struct station_counts *c
     }
 }
 
+static double outer_third(const struct quality_report *report) {
+    double sum = 0;
+    for (int along = 0; along < ZONE_ALONG_COUNT; along++)
+        sum += report->removed.mm3[along][ZONE_OUTER];
+    return sum;
+}
+
 static void tell_tissues(struct live_server *live, int station, const struct station_status *status,
                          arthron_Place *out) {
     struct tissue_report report;
@@ -81,6 +88,7 @@ static void tell_tissues(struct live_server *live, int station, const struct sta
         out->removed_mm3 += report.figures[i].quality.removed_mm3;
         out->planned_mm3 += report.figures[i].quality.planned_mm3;
         out->over_mm3 += report.figures[i].quality.over_mm3;
+        out->outer_mm3 += outer_third(&report.figures[i].quality);
     }
 }
 

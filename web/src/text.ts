@@ -626,6 +626,7 @@ export const text = {
       nobody: "Nobody", since: (ms: number) => `for ${format.ago(ms)}`,
       rules: {
         help: () => "asks for help",
+        outer: ({ value }) => `cut ${format.number(value)} mm³ of the outer third`,
         beyond: ({ value, title }) => `cut ${format.percent(value, 0)} beyond the plan of ${title}`,
         unseen: ({ value }) => `works with a tool out of view for over ${format.number(value)} s`,
         stuck: ({ value, title }) => `made no progress in ${title} for ${format.ago(value * 1000)}`,
@@ -636,6 +637,13 @@ export const text = {
       watch: "Watch", note: "Note", freeze: "Freeze", snooze: "Snooze 5 min",
       frozen: (station: string) => `${station} is paused`, history: "Earlier", until: (time: string) => `until ${time}`,
       of: (what: string, who: string) => `${what} ${who}`,
+      limitsOpen: "Limits", limitsTitle: "When a trainee is named here", limitsTask: "Task", limitsHint: "This browser keeps these limits.", limitsUsual: "Usual limits",
+      limitWrong: "This number is out of range.",
+      limits: {
+        outerMm3: "Removed from the outer third: over (mm³)", beyondShare: "Removed beyond the plan: over (%)", unseenS: "A tool works out of view for (s)",
+        stuckS: "No progress for (s)", deepMm: "Pressed into tissue by (mm)", deepS: "Pressed for (s)", slowTimes: "Slower than the usual time: over (times)",
+      },
+      picture: (who: string) => `Scope picture of ${who}`,
       noted: "Note sent", empty: "Nobody needs you", equipment: (n: number) => `Equipment: ${n === 0 ? "nothing" : `${n} for the technician`}`,
     },
 

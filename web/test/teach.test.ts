@@ -6,10 +6,10 @@ import { clipAround, StepTimes, worst } from "../src/teach/model";
 import { add, move, remove, weeksOf } from "../src/teach/plan";
 import { stateOf, type Cell } from "../src/teach/progress";
 import { quantile } from "../src/teach/quantile";
-import { Attention, SNOOZE_MS, type Observed } from "../src/teach/rules";
+import { Attention, SNOOZE_MS, USUAL_LIMITS, type Observed } from "../src/teach/rules";
 import { sees } from "../src/teach/sight";
 
-const attempt = { number: 1, title: "Probing", ended: false, time_s: 10, met: 0 };
+const attempt = { number: 1, task: "probe-in-order", title: "Probing", ended: false, time_s: 10, met: 0 };
 const observed = (of: Partial<Observed> = {}): Observed => ({ station: "room-1", trainee: "anna", attempt, paused: false, helpAsked: false, ...of });
 const rules = (rows: { rule: string }[]): string[] => rows.map(({ rule }) => rule);
 
@@ -54,6 +54,14 @@ test("who is paused struggles no more, who asks comes first, and what is snoozed
   assert.deepEqual(rules(attention.update(SNOOZE_MS + 2, both)), ["help", "beyond"]);
   attention.update(SNOOZE_MS + 3, [observed({ beyondShare: 0.3, paused: true })]);
   assert.deepEqual(attention.update(SNOOZE_MS + 6000, [observed({ beyondShare: 0.3, paused: true })]), []);
+});
+
+test("a cut into the outer third is told by the limit of the task, with the most that was cut", () => {
+  const attention = new Attention((task) => ({ ...USUAL_LIMITS, outerMm3: task === "repair" ? 1 : 5 }));
+  const of = (outerMm3: number, task: string): Observed => observed({ outerMm3, attempt: { ...attempt, task } });
+  assert.deepEqual(attention.update(0, [of(3, "resection")]), []);
+  assert.deepEqual(attention.update(1, [of(3, "repair")]).map(({ rule, value }) => [rule, value]), [["outer", 3]]);
+  assert.deepEqual(attention.update(2, [of(4, "repair")]).map(({ value }) => value), [4]);
 });
 
 test("one and a half times the usual time, and the end of an attempt, are told", () => {

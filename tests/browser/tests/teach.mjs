@@ -1,6 +1,7 @@
 // Who trains at a station without an instructor, and who plans, follows and rates what they do.
 import assert from "node:assert/strict";
 import { SIZES } from "../browser.mjs";
+import { until } from "../programs.mjs";
 import { settled } from "./views.mjs";
 
 const STATION = "sim-21"; // its case is healthy
@@ -42,6 +43,27 @@ async function look({ browser }, page, name) {
   }
 }
 
+/** The wall names who asks for help, with what the scope sees there; its limits can be set for a task. */
+async function answerOnTheWall(world, trainee) {
+  const { browser, users } = world;
+  const page = await browser.page(await browser.context(users.instructor), "#/wall");
+  const row = page.locator(".attention-group.asks li", { hasText: trainee });
+  await row.getByRole("img", { name: `Scope picture of ${trainee}` }).waitFor();
+  await until("the row's picture is drawn", () => row.locator("canvas").evaluate((canvas) => {
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    return new Set(data).size > 8;
+  }));
+  await look(world, page, "attention");
+  await press(page, "Limits");
+  const dialog = page.getByRole("dialog");
+  await dialog.getByLabel("No progress for (s)").fill("60");
+  await look(world, page, "attention-limits");
+  await press(dialog, "Save");
+  await press(page, "Limits");
+  assert.equal(await dialog.getByLabel("No progress for (s)").inputValue(), "60");
+  await page.close();
+}
+
 async function a_trainee_runs_a_station_alone(world) {
   const { testbed, browser, report } = world;
   const ask = await asker(world);
@@ -64,6 +86,8 @@ async function a_trainee_runs_a_station_alone(world) {
     await start.click();
     await page.getByText("Step 1 of 3").waitFor();
     await look(world, page, "train-do");
+    await press(page, "Help");
+    await answerOnTheWall(world, trainee);
     await press(page, "End attempt");
     await press(page.locator("dialog"), "End attempt");
     const ended = performance.now();

@@ -2,7 +2,7 @@
 // once it has not for some time: no row flickers.
 
 export type Group = "asks" | "struggles" | "finished";
-export type RuleName = "help" | "beyond" | "unseen" | "stuck" | "deep" | "slow" | "finished";
+export type RuleName = "help" | "outer" | "beyond" | "unseen" | "stuck" | "deep" | "slow" | "finished";
 
 /** What is known of a station at one time. What is undefined is unknown, and meets no rule. */
 export interface Observed {
@@ -10,6 +10,7 @@ export interface Observed {
   trainee: string;
   attempt?: {
     number: number;
+    task: string;
     title: string;
     ended: boolean;
     passed?: boolean; // undefined: withheld
@@ -22,9 +23,11 @@ export interface Observed {
   unseen?: boolean; // a tool works out of the picture
   deepMm?: number; // an instrument in cartilage or bone
   beyondShare?: number; // removed beyond the plan, of the plan
+  outerMm3?: number; // removed from the outer third of the menisci
 }
 
 export interface Limits {
+  outerMm3: number;
   beyondShare: number;
   unseenS: number;
   stuckS: number;
@@ -33,7 +36,7 @@ export interface Limits {
   slowTimes: number;
 }
 
-export const USUAL_LIMITS: Limits = { beyondShare: 0.2, unseenS: 30, stuckS: 180, deepMm: 1, deepS: 2, slowTimes: 1.5 };
+export const USUAL_LIMITS: Limits = { outerMm3: 2, beyondShare: 0.2, unseenS: 30, stuckS: 180, deepMm: 1, deepS: 2, slowTimes: 1.5 };
 export const SNOOZE_MS = 5 * 60_000;
 const KEPT = 100; // rows of the history
 
@@ -79,7 +82,7 @@ export class Attention {
   private readonly snoozed = new Map<string, number>(); // key: until
   private readonly progress = new Map<string, Progress>();
 
-  constructor(private readonly limits: Limits = USUAL_LIMITS) {}
+  constructor(private readonly limitsOf: (task: string) => Limits = () => USUAL_LIMITS) {}
 
   snooze(key: string, now: number): void {
     this.snoozed.set(key, now + SNOOZE_MS);
@@ -110,7 +113,7 @@ export class Attention {
     if (met) {
       watch.missedSince = undefined;
       watch.metSince ??= now;
-      watch.row.value = rule === "deep" || rule === "beyond" ? Math.max(watch.row.value, value) : value;
+      watch.row.value = rule === "deep" || rule === "beyond" || rule === "outer" ? Math.max(watch.row.value, value) : value;
       watch.row.passed = attempt?.passed;
       if (now - watch.metSince >= holdMs) watch.shown = true;
       return;
@@ -128,10 +131,10 @@ export class Attention {
   }
 
   private conditions(observed: Observed): Met[] {
-    const { limits } = this;
     const { attempt } = observed;
     const help: Met = { rule: "help", group: "asks", holdMs: 0, clearMs: 0, value: 0, met: observed.helpAsked };
     if (!attempt) return [help];
+    const limits = this.limitsOf(attempt.task);
     const runs = !attempt.ended && !observed.paused;
     const still = this.stillFor(observed.station, attempt);
     const slow = attempt.medianS === undefined ? 0 : attempt.time_s / attempt.medianS;
@@ -140,6 +143,7 @@ export class Attention {
     return [
       help,
       struggle("deep", observed.deepMm ?? 0, (observed.deepMm ?? 0) >= limits.deepMm, limits.deepS * 1000, 10_000),
+      struggle("outer", observed.outerMm3 ?? 0, (observed.outerMm3 ?? 0) > limits.outerMm3),
       struggle("beyond", observed.beyondShare ?? 0, (observed.beyondShare ?? 0) > limits.beyondShare),
       struggle("unseen", limits.unseenS, observed.unseen === true, limits.unseenS * 1000, 3000),
       struggle("stuck", still, still >= limits.stuckS, 0, 1000),

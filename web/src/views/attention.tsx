@@ -1,6 +1,6 @@
 // The part of the wall's rail that speaks of trainees: who asks, struggles and has finished, in sentences.
 import { render } from "preact";
-import { useState } from "preact/hooks";
+import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import { Command_Kind, SessionState, type InstrumentMoment } from "wire";
 import type { App } from "../app";
 import { LOST } from "../history";
@@ -11,11 +11,14 @@ import { routeTo } from "../router";
 import { attemptOf } from "../teach/live_attempt";
 import { goalsMet, type Attempt, type AttemptRow } from "../teach/model";
 import { useTick } from "../teach/parts";
+import { limitsOf } from "../teach/limits";
 import { quantile } from "../teach/quantile";
 import { Attention, type AttentionRow, type Group, type Observed } from "../teach/rules";
 import { sees } from "../teach/sight";
 import { format, text } from "../text";
+import { askLimits } from "./attention_limits";
 import { nameOf } from "./wall_model";
+import type { Pictures } from "./wall_scene";
 
 const NEAR_MM = 15; // a tip so near to a surface works
 const GROUPS: readonly Group[] = ["asks", "struggles", "finished"];
@@ -27,13 +30,14 @@ export interface Trainees {
   end(): void;
 }
 
-/** Draws into `place`, and listens to the attempts of all stations until it is ended. */
-export function trainees(place: HTMLElement, app: App): Trainees {
-  const attention = new Attention();
+/** Draws into `place`, and listens to the attempts of all stations until it is ended. `pictures` gets those of its rows. */
+export function trainees(place: HTMLElement, app: App, pictures: Pictures): Trainees {
+  const attention = new Attention(limitsOf);
   const attempts = new Map<number, Attempt>();
   const usual = new Map<string, number | undefined>(); // median time of a task, s
   let rows: AttentionRow[] = [];
-  const draw = (): void => render(<People app={app} rows={rows} attention={attention} changed={draw} />, place);
+  const draw = (): void => render(<People app={app} rows={rows} attention={attention} pictures={pictures} limits={askFor} changed={draw} />, place);
+  const askFor = (): void => void askLimits(app, [...attempts.values()].find(({ end }) => end === "")?.task).catch(toastFault);
   const askUsual = (task: string): void => {
     if (usual.has(task)) return;
     usual.set(task, undefined);
@@ -75,11 +79,12 @@ export function observe(station: StationState, attempt: Attempt | undefined, usu
   const unseen = seesScope && optic.fieldDeg > 0 && working.some((tool) => shown(tool) && !sees(seesScope, optic, shown(tool)!));
   return {
     station: nameOf(station), trainee: place?.trainee ?? "", paused: place?.info?.state === SessionState.PAUSED, helpAsked: place?.helpAsked ?? false,
-    ...(current && { attempt: { number: current.number, title: current.title, ended: current.end !== "", met: goalsMet(current), time_s: Number(moment!.attemptNs) * 1e-9,
+    ...(current && { attempt: { number: current.number, task: current.task, title: current.title, ended: current.end !== "", met: goalsMet(current), time_s: Number(moment!.attemptNs) * 1e-9,
       ...(current.verdict !== "open" && { passed: current.verdict === "passed" }), ...(medianS !== undefined && { medianS }) } }),
     ...(unseen !== undefined && { unseen }),
     deepMm: Math.max(0, ...there.filter(({ channel }) => !kindOf(channel)?.cuts).map(({ penetrationMm }) => penetrationMm)),
     ...(place && place.plannedMm3 > 0 && { beyondShare: place.overMm3 / place.plannedMm3 }),
+    ...(place && { outerMm3: place.outerMm3 }),
   };
 }
 
@@ -87,7 +92,16 @@ const kindOf = (channel: number): (typeof USUAL)[number] | undefined => USUAL[ch
 
 // ---- the rows ------------------------------------------------------------------------------------------------
 
-function People({ app, rows, attention, changed }: { app: App; rows: readonly AttentionRow[]; attention: Attention; changed: () => void }) {
+interface PeopleProps {
+  app: App;
+  rows: readonly AttentionRow[];
+  attention: Attention;
+  pictures: Pictures;
+  limits(): void;
+  changed(): void;
+}
+
+function People({ app, rows, attention, pictures, limits, changed }: PeopleProps) {
   const words = text.teach.attention;
   const now = useTick();
   return <>
@@ -96,13 +110,14 @@ function People({ app, rows, attention, changed }: { app: App; rows: readonly At
       return mine.length > 0 && (
         <section key={group} class={`attention-group ${group}`} aria-label={words.groups[group]}>
           <h3>{words.groups[group]} <span class="badge number">{mine.length}</span></h3>
-          <ol>{mine.map((row) => <Row key={row.key} app={app} row={row} now={now} snooze={() => {
+          <ol>{mine.map((row) => <Row key={row.key} app={app} row={row} now={now} pictures={pictures} snooze={() => {
             attention.snooze(row.key, app.feed.now());
             changed();
           }} />)}</ol>
         </section>);
     })}
     {rows.length === 0 && <p class="attention-empty"><Icon name="quiet" />{words.empty}</p>}
+    <Button kind="quiet" class="small attention-limits" onClick={limits}>{words.limitsOpen}</Button>
     {attention.history.length > 0 && <Earlier rows={attention.history} now={now} />}
   </>;
 }
@@ -110,7 +125,7 @@ function People({ app, rows, attention, changed }: { app: App; rows: readonly At
 const sentenceOf = (row: AttentionRow): string => text.teach.attention.rules[row.rule]!(row);
 const whoOf = ({ trainee }: AttentionRow): string => trainee || text.teach.attention.nobody;
 
-function Row({ app, row, now, snooze }: { app: App; row: AttentionRow; now: number; snooze: () => void }) {
+function Row({ app, row, now, pictures, snooze }: { app: App; row: AttentionRow; now: number; pictures: Pictures; snooze: () => void }) {
   const words = text.teach.attention;
   const instructor = app.account?.role === "instructor";
   const [busy, setBusy] = useState(false);
@@ -126,6 +141,7 @@ function Row({ app, row, now, snooze }: { app: App; row: AttentionRow; now: numb
   const of = (what: string): string => words.of(what, whoOf(row));
   return (
     <li class="attention-row">
+      <RowPicture station={row.station} label={words.picture(whoOf(row))} pictures={pictures} />
       <p><Icon name={SIGNS[row.group]} /><span><b>{whoOf(row)}</b> {sentenceOf(row)}. <span class="quiet-text">{row.station}, {words.since(now - row.since)}</span></span></p>
       <div class="attention-do">
         <a class="button small" href={routeTo("station", [row.station])} aria-label={of(words.watch)}>{words.watch}</a>
@@ -136,6 +152,17 @@ function Row({ app, row, now, snooze }: { app: App; row: AttentionRow; now: numb
       </div>
     </li>
   );
+}
+
+// What the scope sees there now; the wall draws it.
+function RowPicture({ station, label, pictures }: { station: string; label: string; pictures: Pictures }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  useLayoutEffect(() => {
+    const place = canvas.current!;
+    pictures.set(place, station);
+    return () => void pictures.delete(place);
+  }, [station]);
+  return <canvas ref={canvas} class="attention-picture" role="img" aria-label={label} />;
 }
 
 function Earlier({ rows, now }: { rows: readonly AttentionRow[]; now: number }) {

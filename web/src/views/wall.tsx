@@ -11,7 +11,7 @@ import { text } from "../text";
 import { trainees, type Trainees } from "./attention";
 import { Card } from "./wall_card";
 import { arrange, byUrgency, certificateWarning, compareNames, grouped, isAbsent, nameOf, serverQuiet, statusOf, URGENCY_NAMES, warningOf, type Alarm, type Status, type Warning } from "./wall_model";
-import { MiniScene } from "./wall_scene";
+import { MiniScene, type Pictures } from "./wall_scene";
 
 const RATE_HZ = 10;
 const HOUR_MS = 3_600_000;
@@ -20,6 +20,7 @@ const SOON_MS = 2000; // by then the server has sent every station
 export const wall: View = view(({ app }) => {
   const { feed } = app;
   const scenes = useRef(new Map<number, HTMLElement>());
+  const pictures = useRef<Pictures>(new Map());
   const certificate = useSignal<Warning[]>([]);
   const openSince = useRef<number | undefined>(undefined); // without a station
   useEffect(() => app.title(text.views.wall), []);
@@ -35,7 +36,7 @@ export const wall: View = view(({ app }) => {
   else openSince.current ??= now;
   const silent = lost !== undefined ? [serverQuiet(lost)] : [];
   const warnings = byUrgency([...silent, ...certificate.value, ...all.flatMap((station) => warningOf(station, now, lost !== undefined) ?? [])]);
-  const grid = useGrid(feed, scenes.current);
+  const grid = useGrid(feed, scenes.current, pictures.current);
   const layout = arrange(present.length, grid.width, grid.height);
   const small = layout.density === "small" || layout.density === "tiny";
   return (
@@ -54,7 +55,7 @@ export const wall: View = view(({ app }) => {
         </div>
         <Absent names={all.filter(({ place }) => isAbsent(place)).map(nameOf)} />
       </section>
-      <Attention app={app} stations={present} warnings={warnings} known={all.length > 0} />
+      <Attention app={app} pictures={pictures.current} stations={present} warnings={warnings} known={all.length > 0} />
     </div>
   );
 });
@@ -86,7 +87,7 @@ function useHourly(what: () => void): void {
 }
 
 // The pictures over the cards, and the room that cards have.
-function useGrid(feed: Feed, scenes: Map<number, HTMLElement>) {
+function useGrid(feed: Feed, scenes: Map<number, HTMLElement>, pictures: Pictures) {
   const element = useRef<HTMLDivElement>(null);
   const size = useSignal({ width: 0, height: 0 });
   useLayoutEffect(() => {
@@ -95,7 +96,9 @@ function useGrid(feed: Feed, scenes: Map<number, HTMLElement>) {
     let frame = 0;
     const draw = (): void => {
       frame = requestAnimationFrame(draw);
-      picture.draw([...scenes].map(([number, slot]) => ({ station: feed.stations.get(number), slot })));
+      const byName = new Map([...feed.stations.values()].map((station) => [nameOf(station), station]));
+      picture.draw([...scenes].map(([number, slot]) => ({ station: feed.stations.get(number), slot })),
+        [...pictures].map(([canvas, name]) => ({ canvas, station: byName.get(name) })));
     };
     draw();
     const resize = new ResizeObserver(() => (size.value = { width: place.clientWidth, height: place.clientHeight }));
@@ -163,13 +166,13 @@ function Absent({ names }: { names: readonly string[] }) {
 // ---- what needs somebody ----------------------------------------------------------------------------
 
 // Trainees first; the equipment is folded, but for what is urgent.
-function Attention({ app, stations, warnings, known }: { app: App; stations: readonly StationState[]; warnings: readonly Warning[]; known: boolean }) {
+function Attention({ app, pictures, stations, warnings, known }: { app: App; pictures: Pictures; stations: readonly StationState[]; warnings: readonly Warning[]; known: boolean }) {
   const t = text.wall;
   const people = useRef<HTMLDivElement>(null);
   const rail = useRef<Trainees | undefined>(undefined);
   const equipment = useRef<HTMLDetailsElement>(null);
   useLayoutEffect(() => {
-    const shown = (rail.current = trainees(people.current!, app));
+    const shown = (rail.current = trainees(people.current!, app, pictures));
     return () => shown.end();
   }, []);
   useLayoutEffect(() => rail.current!.show(stations));

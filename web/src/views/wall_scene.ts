@@ -73,6 +73,14 @@ interface Buffers {
   count: number;
 }
 
+/** Canvases that show a station too, by its name. */
+export type Pictures = Map<HTMLCanvasElement, string>;
+
+interface Copy {
+  station: StationState | undefined;
+  canvas: HTMLCanvasElement;
+}
+
 interface Drawn extends Buffers {
   body: number;
   kind: Part["kind"];
@@ -142,38 +150,60 @@ export class MiniScene {
   }
 
   /** Draws what is new; costs nothing where nothing moved. */
-  draw(slots: Slot[]): void {
+  draw(slots: Slot[], copies: Copy[] = []): void {
     const gl = this.gl;
     const area = this.canvas.getBoundingClientRect();
     if (!gl || area.width < 1) return;
     const boxes = slots.map(({ station, slot }) => ({ station, slot, box: slot.getBoundingClientRect() }));
-    const key = boxes.map(({ station, box }) => `${station?.momentAt ?? 0} ${box.left} ${box.top} ${box.width}`).join() + [area.left, area.top, area.width, area.height, this.knees.size, devicePixelRatio].join();
+    const key = boxes.map(({ station, box }) => `${station?.momentAt ?? 0} ${box.left} ${box.top} ${box.width}`).join() + [area.left, area.top, area.width, area.height, this.knees.size, devicePixelRatio, ...copies.map(({ station, canvas }) => `${station?.momentAt} ${canvas.clientWidth}`)].join();
     if (key === this.drawn) return;
     this.drawn = key;
     this.many = slots.length > MANY;
     const scale = Math.min(2, devicePixelRatio);
     this.size(Math.round(area.width * scale), Math.round(area.height * scale));
-    gl.disable(gl.SCISSOR_TEST);
-    gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.enable(gl.SCISSOR_TEST);
     gl.useProgram(this.program!);
+    for (const { station, canvas } of copies) if (station?.place && station.moment) this.copy(gl, station, canvas, scale);
+    this.clear(gl);
     for (const { station, slot, box } of boxes) {
       if (!station?.place || box.bottom < area.top || box.top > area.bottom || box.height < 1) continue;
       const rectangle = [(box.left - area.left) * scale, (area.bottom - box.bottom) * scale, box.width * scale, box.height * scale].map(Math.round);
       gl.viewport(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
       gl.scissor(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
-      this.drawStation(gl, { station, slot }, box);
+      slot.classList.toggle("in-scope", this.drawStation(gl, station, box));
     }
   }
 
-  private drawStation(gl: WebGL2RenderingContext, { station, slot }: { station: StationState; slot: HTMLElement }, box: DOMRect): void {
+  private clear(gl: WebGL2RenderingContext): void {
+    gl.disable(gl.SCISSOR_TEST);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.SCISSOR_TEST);
+  }
+
+  // Drawn in the corner of the cards' canvas, and taken from there.
+  private copy(gl: WebGL2RenderingContext, station: StationState, canvas: HTMLCanvasElement, scale: number): void {
+    const box = { width: canvas.clientWidth, height: canvas.clientHeight };
+    const [width, height] = [Math.round(box.width * scale), Math.round(box.height * scale)];
+    if (width < 1 || height < 1 || width > this.canvas.width || height > this.canvas.height) return;
+    if (canvas.width !== width) canvas.width = width;
+    if (canvas.height !== height) canvas.height = height;
+    this.clear(gl);
+    gl.viewport(0, 0, width, height);
+    gl.scissor(0, 0, width, height);
+    const inScope = this.drawStation(gl, station, box);
+    const to = canvas.getContext("2d")!;
+    to.clearRect(0, 0, width, height);
+    to.drawImage(this.canvas, 0, this.canvas.height - height, width, height, 0, 0, width, height);
+    canvas.classList.toggle("in-scope", inScope);
+  }
+
+  /** Whether it is what the scope sees. */
+  private drawStation(gl: WebGL2RenderingContext, station: StationState, box: { width: number; height: number }): boolean {
     const { moment } = station;
     const fine = box.height >= FINE_FROM_PX && !(this.bySoftware && this.many);
     const optic = moment && scopePose(moment);
-    slot.classList.toggle("in-scope", optic !== undefined);
     const knee = this.knee(station, optic ? (fine ? FINE_MM : COARSE_MM) : fine ? OUTSIDE_MM.fine : OUTSIDE_MM.coarse);
-    if (!moment || !knee) return;
+    if (!moment || !knee) return optic !== undefined;
     const aspect = box.width / box.height;
     const { tiltDeg, fieldDeg } = opticOf(station);
     const eye = optic ? inverse(times(matrixOf(optic), cameraMatrix(tiltDeg))) : VIEW;
@@ -195,6 +225,7 @@ export class MiniScene {
       if (!pose || isSelf || instrument.validity === Validity.LOST) continue;
       this.drawPart(this.shaft!, eye, pose, optic ? STEEL : this.colour(instrument.validity === Validity.HELD ? "--text-quiet" : "--accent"));
     }
+    return optic !== undefined;
   }
 
   private drawPart(buffers: Buffers, eye: Matrix, pose: ShortPose, colour: number[]): void {

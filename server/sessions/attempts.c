@@ -64,6 +64,12 @@ static bool is_running(struct sessions *s, int station, struct live_attempt *out
     return out->state.number && out->state.end == arthron_AttemptState_End_RUNS;
 }
 
+bool attempts_exam_runs(struct sessions *s, int station) {
+    struct live_attempt shown;
+    return is_running(s, station, &shown) &&
+           shown.state.purpose == arthron_AttemptState_Purpose_EXAM;
+}
+
 static bool take_site(struct sessions *s, const struct station_status *status, int station,
                       const struct task_file *file, struct session_attempt *attempt,
                       arthron_CommandReply *reply) {

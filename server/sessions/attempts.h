@@ -11,6 +11,9 @@ bool attempts_begin_command(struct sessions *sessions, int station, const arthro
 bool attempts_leave_command(struct sessions *sessions, int station, const arthron_Command *command,
                             arthron_CommandReply *reply);
 
+// Whether one of an exam runs at the station.
+bool attempts_exam_runs(struct sessions *sessions, int station);
+
 // The attempt of a trace that is run again, before its first step. scene: index of the case. at_ns:
 // the session's clock. RESULT_REFUSED: its task cannot be done here any more.
 enum result attempts_restore(const struct sessions *sessions, int scene,

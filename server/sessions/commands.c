@@ -212,11 +212,26 @@ static void note(struct sessions *s, const char *actor, const arthron_Command *c
         station_slot_set_help(&s->slots[station], 0);
 }
 
+// In an exam nobody helps.
+static bool refuse_help(struct sessions *s, int station, const arthron_Command *command,
+                        arthron_CommandReply *reply) {
+    bool helps = command->kind == arthron_Command_Kind_UNDO ||
+                 command->kind == arthron_Command_Kind_NOTE ||
+                 command->kind == arthron_Command_Kind_HELP;
+    if (!helps || !attempts_exam_runs(s, station))
+        return false;
+    reply_refuse_as(reply, arthron_Why_Code_EXAM_RUNS, NULL,
+                    "station %s: an exam runs, with no notes, no markers, no undo and no help",
+                    station_name(s, station));
+    return true;
+}
+
 static void command_session(struct sessions *s, const char *actor, const arthron_Command *command,
                             int station, arthron_CommandReply *reply) {
     // A trainee waits for no other's session, and meanwhile it may have become another's.
     if (!is_theirs(s, station, command->trainee, reply) || !has_session(s, station, reply) ||
-        !course_open(s, station, reply) || !is_theirs(s, station, command->trainee, reply))
+        !course_open(s, station, reply) || !is_theirs(s, station, command->trainee, reply) ||
+        refuse_help(s, station, command, reply))
         return;
     if (command->kind == arthron_Command_Kind_PAUSE)
         course_input(s, station, INPUT_PAUSE, SESSION_PAUSED, reply);

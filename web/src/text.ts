@@ -138,6 +138,7 @@ export const text = {
     TRACE_INCOMPLETE: (steps) => `The record is incomplete: ${steps} steps are missing`,
     CASE_GRADE: (name, grade) => `Case ${name}: ${(text.admin.cases.grades[grade] ?? grade).toLowerCase()}`,
     CERTIFICATE_ENDS: (days) => `The station's certificate ends in ${days} days. Enrol it again.`,
+    EXAM_RUNS: () => "An exam runs here, with no notes, markers, undo or help.",
     OFF_SURFACE: (mm) => `The tip is ${mm} mm off the surface. Recalibrate.`,
   } as Partial<Record<string, (first: string, second: string) => string>>,
 
@@ -697,7 +698,8 @@ export const text = {
       drift: "Drift of the trackers (mm)", begin: "Begin sealed exam", beginHint: "In the exam there are no hints, no undo, no markers, no notes and no plan colours.",
       sealed: "Sealed", seed: (n: number) => `Cases drawn by seed ${n}`,
       items: "Tasks", start: "Start", station: "Station", started: "Attempt begun", task: "Task", case: "Case", hand: "Scope", verdict: "Verdict", withheld: "withheld",
-      intervene: "Record intervention", reason: "Reason", reasonHint: "It flags the exam.", reasonNeeded: "Give a reason.", flagged: "An examiner intervened",
+      intervene: "Record intervention", reason: "Reason", reasonHint: "It flags the exam.", reasonNeeded: "Give a reason.", notBegun: "No exam of this trainee has begun.", runs: "Exam",
+      interveneFirst: (what: string) => `${what} during the exam?`, flagged: "An examiner intervened",
       release: "Release results", releaseTitle: "Release the results?", releaseHint: "The trainee sees them. The server signs them.", released: "Results released",
       result: "Signed result", hash: "Hash", signature: "Signature", signedBy: "Signed by", rate: "Rate", chooseTasks: "Choose at least one task and one case.",
       incomplete: "Release although it is incomplete", back: "Exams",

@@ -5,6 +5,7 @@ import { until } from "../programs.mjs";
 import { settled } from "./views.mjs";
 
 const STATION = "sim-21"; // its case is healthy
+const EXAM_STATION = "sim-24"; // on the same case
 const TASK = "steady-camera";
 const FEEDBACK_S = 5;
 const LOOKS = [["wide", "light"], ["tablet", "dark"]];
@@ -103,6 +104,36 @@ async function a_trainee_runs_a_station_alone(world) {
   });
 }
 
+/** In an exam nobody helps, and who intervenes says why. */
+async function an_exam_is_sealed(world) {
+  const { testbed, browser, users } = world;
+  const ask = await asker(world);
+  const { course, trainee } = await makeCourse(ask, world);
+  const { exam } = await ask("POST", "/exams", { course, trainee, title: "Sealed", tasks: [TASK], cases: ["healthy"] });
+  await ask("POST", `/exams/${exam.id}/begin`, { who: true, station_check: true, case_hash: true, drift_mm: 0.4 });
+  await testbed.withOwnStation(EXAM_STATION, trainee, async () => {
+    const page = await browser.page(await browser.context(users.instructor), `#/exams/${exam.id}`);
+    await press(page, "Start");
+    await page.getByRole("dialog").getByLabel("Station").selectOption(EXAM_STATION);
+    await press(page.getByRole("dialog"), "Start");
+    await page.getByText("Attempt begun").waitFor();
+    await page.goto(`${browser.url}/#/station/${EXAM_STATION}`);
+    await page.locator(".badge", { hasText: "Exam" }).waitFor();
+    for (const name of ["Undo cut", "Marker", "Note …"]) assert.equal(await page.getByRole("button", { name }).count(), 0, name);
+    await assert.rejects(testbed.session("undo", EXAM_STATION), /an exam runs/);
+    await press(page, "Pause");
+    const dialog = page.getByRole("dialog");
+    await press(dialog, "Pause");
+    await dialog.getByText("Give a reason.").waitFor();
+    await look(world, page, "exam-intervene");
+    await dialog.getByLabel("Reason").fill("The tracker fell off.");
+    await press(dialog, "Pause");
+    await until("the session is paused", async () => (await testbed.station(EXAM_STATION)).state === "paused");
+    const { exam: after } = await ask("GET", `/exams/${exam.id}`);
+    assert.deepEqual([after.flagged, after.interventions.map(({ reason }) => reason)], [true, ["The tracker fell off."]]);
+  });
+}
+
 async function a_director_and_a_rater_open_their_pages(world) {
   const { testbed, browser, users } = world;
   const ask = await asker(world);
@@ -124,4 +155,4 @@ async function a_director_and_a_rater_open_their_pages(world) {
   }
 }
 
-export const tests = [a_trainee_runs_a_station_alone, a_director_and_a_rater_open_their_pages];
+export const tests = [a_trainee_runs_a_station_alone, an_exam_is_sealed, a_director_and_a_rater_open_their_pages];

@@ -10,6 +10,7 @@ export interface Observed {
   trainee: string;
   attempt?: {
     number: number;
+    exam?: boolean;
     task: string;
     title: string;
     ended: boolean;
@@ -46,6 +47,7 @@ export interface AttentionRow {
   rule: RuleName;
   station: string;
   trainee: string;
+  exam: boolean; // nobody helps
   title: string; // of the task
   value: number; // what the sentence tells
   passed?: boolean | undefined;
@@ -107,7 +109,7 @@ export class Attention {
     let watch = this.watches.get(key);
     if (!watch) {
       if (!met) return;
-      const row = { key, group, rule, station, trainee, title: attempt?.title ?? "", value, passed: attempt?.passed, since: now };
+      const row = { key, group, rule, station, trainee, exam: attempt?.exam ?? false, title: attempt?.title ?? "", value, passed: attempt?.passed, since: now };
       this.watches.set(key, (watch = { row, metSince: undefined, shown: false, missedSince: undefined }));
     }
     if (met) {

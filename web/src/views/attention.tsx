@@ -79,7 +79,7 @@ export function observe(station: StationState, attempt: Attempt | undefined, usu
   const unseen = seesScope && optic.fieldDeg > 0 && working.some((tool) => shown(tool) && !sees(seesScope, optic, shown(tool)!));
   return {
     station: nameOf(station), trainee: place?.trainee ?? "", paused: place?.info?.state === SessionState.PAUSED, helpAsked: place?.helpAsked ?? false,
-    ...(current && { attempt: { number: current.number, task: current.task, title: current.title, ended: current.end !== "", met: goalsMet(current), time_s: Number(moment!.attemptNs) * 1e-9,
+    ...(current && { attempt: { number: current.number, exam: current.purpose === "exam", task: current.task, title: current.title, ended: current.end !== "", met: goalsMet(current), time_s: Number(moment!.attemptNs) * 1e-9,
       ...(current.verdict !== "open" && { passed: current.verdict === "passed" }), ...(medianS !== undefined && { medianS }) } }),
     ...(unseen !== undefined && { unseen }),
     deepMm: Math.max(0, ...there.filter(({ channel }) => !kindOf(channel)?.cuts).map(({ penetrationMm }) => penetrationMm)),
@@ -145,7 +145,7 @@ function Row({ app, row, now, pictures, snooze }: { app: App; row: AttentionRow;
       <p><Icon name={SIGNS[row.group]} /><span><b>{whoOf(row)}</b> {sentenceOf(row)}. <span class="quiet-text">{row.station}, {words.since(now - row.since)}</span></span></p>
       <div class="attention-do">
         <a class="button small" href={routeTo("station", [row.station])} aria-label={of(words.watch)}>{words.watch}</a>
-        {instructor && row.group !== "finished" && <>
+        {instructor && !row.exam && row.group !== "finished" && <>
           <Button class="small" aria-label={of(words.note)} onClick={note}>{words.note}</Button>
           <Button class="small" disabled={busy} aria-label={of(words.freeze)} onClick={() => void send(words.frozen(row.station), { kind: Command_Kind.PAUSE }).catch(toastFault)}>{words.freeze}</Button></>}
         <Button class="small" aria-label={of(words.snooze)} onClick={snooze}>{words.snooze}</Button>

@@ -3,11 +3,13 @@
 import { signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { Command_Kind, SessionState, type Remark } from "wire";
+import { part } from "../api";
 import type { App } from "../app";
 import { explain, whyOf } from "../explain";
 import { Button, confirm, Drop, Field, openForm, Select, type ButtonProps } from "../kit";
 import { NoAnswer, type CommandInit } from "../live";
 import type { Marker } from "../scene/joint";
+import type { Exam } from "../teach/model";
 import { format, text } from "../text";
 
 interface CaseRow {
@@ -40,6 +42,7 @@ export class SessionControls {
   readonly state = signal<SessionState | undefined>(undefined); // undefined: there is no session
   readonly marker = signal<Remark | undefined>(undefined);
   readonly reachable = signal(true); // the server; else nothing can be done
+  readonly exam = signal(false); // an attempt of an exam runs: nobody helps, and whoever intervenes says why
   readonly picking = signal(false); // of the marker's place
   readonly line = signal<Line>({ kind: "", words: "" });
   readonly waiting = signal(0); // commands without an answer
@@ -75,6 +78,27 @@ export class SessionControls {
 
   do(what: string, command: CommandInit): void {
     this.must(what, command).catch(() => {}); // the line shows it already
+  }
+
+  /** What changes an exam needs a reason, which is written into its record first. */
+  act(what: string, command: CommandInit, otherwise = (): void => this.do(what, command)): void {
+    if (!this.exam.peek()) {
+      otherwise();
+      return;
+    }
+    const words = text.teach.exam;
+    openForm(words.interveneFirst(what), what, <Field label={words.reason} hint={words.reasonHint}><textarea name="reason" maxLength={240} rows={2} /></Field>,
+      async ({ reason = "" }) => {
+        await this.recordIntervention(reason.trim());
+        await this.must(what, command);
+      }, ({ reason = "" }) => ({ reason: reason.trim().length < 3 ? words.reasonNeeded : "" }));
+  }
+
+  private async recordIntervention(reason: string): Promise<void> {
+    const { exams } = await this.app.api.get<{ exams: Exam[] }>("/exams", { trainee: this.now.trainee() });
+    const begun = exams.find(({ state }) => state === "begun");
+    if (!begun) throw new Error(text.teach.exam.notBegun);
+    await this.app.api.post(`/exams/${part(begun.id)}/interventions`, { reason });
   }
 
   /** Rejects with what a person should read. */
@@ -147,31 +171,32 @@ export function Controls({ of }: { of: SessionControls }) {
   const element = useRef<HTMLDivElement>(null);
   const state = of.state.value;
   const open = state !== undefined && state !== SessionState.CLOSED;
+  const helps = open && !of.exam.value;
   const one = (label: string, may: boolean, click: () => void, more: ButtonProps = {}) =>
     <Button hidden={!may} disabled={!of.reachable.value} onClick={click} {...more}>{label}</Button>;
   const start = state === SessionState.PAUSED ? t.resume : t.start;
   useLayoutEffect(() => {
     const focused = document.activeElement;
     if (focused instanceof HTMLButtonElement && focused.hidden && element.current!.contains(focused)) element.current!.querySelector<HTMLButtonElement>("button:not([hidden])")?.focus();
-    if (!open && of.picking.peek()) of.setPicking(false);
-  }, [state, of.marker.value]);
+    if (!helps && of.picking.peek()) of.setPicking(false);
+  }, [state, of.marker.value, of.exam.value]);
   return (
     <div class="controls" role="group" aria-label={t.controls} aria-busy={of.waiting.value > 0 ? true : undefined} ref={element}>
       <div class="controls-group">
         {one(start, state !== SessionState.RUNNING, () => of.do(start, { kind: Command_Kind.START }), { kind: "primary", icon: "running" })}
-        {one(t.pause, state === SessionState.RUNNING, () => of.do(t.pause, { kind: Command_Kind.PAUSE }), { icon: "paused" })}
-        {one(t.stop, open, () => confirm(t.stopTitle, t.stopHint, t.stop, () => of.must(t.stop, { kind: Command_Kind.STOP })), { icon: "closed" })}
+        {one(t.pause, state === SessionState.RUNNING, () => of.act(t.pause, { kind: Command_Kind.PAUSE }), { icon: "paused" })}
+        {one(t.stop, open, () => of.act(t.stop, { kind: Command_Kind.STOP }, () => confirm(t.stopTitle, t.stopHint, t.stop, () => of.must(t.stop, { kind: Command_Kind.STOP }))), { icon: "closed" })}
       </div>
       <div class="controls-group">
-        {one(t.undo, open, () => of.do(t.undo, { kind: Command_Kind.UNDO }), { title: t.undoHint })}
-        {one(t.mark, open, () => of.setPicking(!of.picking.peek()), { "aria-pressed": of.picking.value, title: t.markHint })}
-        {one(t.unmark, open && of.marker.value !== undefined, () => of.withdraw())}
-        {one(t.note, open, () => of.note())}
+        {one(t.undo, helps, () => of.do(t.undo, { kind: Command_Kind.UNDO }), { title: t.undoHint })}
+        {one(t.mark, helps, () => of.setPicking(!of.picking.peek()), { "aria-pressed": of.picking.value, title: t.markHint })}
+        {one(t.unmark, helps && of.marker.value !== undefined, () => of.withdraw())}
+        {one(t.note, helps, () => of.note())}
       </div>
       <Drop label={t.more} class="more">
-        {one(t.reset, open, () => confirm(t.resetTitle, t.resetHint, t.reset, () => of.must(t.reset, { kind: Command_Kind.RESET })))}
-        {one(t.caseAndWarp, true, () => void of.chooseCase())}
-        {one(t.assign, true, () => void of.assign(), { icon: "person" })}
+        {one(t.reset, open, () => of.act(t.reset, { kind: Command_Kind.RESET }, () => confirm(t.resetTitle, t.resetHint, t.reset, () => of.must(t.reset, { kind: Command_Kind.RESET }))))}
+        {one(t.caseAndWarp, !of.exam.value, () => void of.chooseCase())}
+        {one(t.assign, !of.exam.value, () => void of.assign(), { icon: "person" })}
       </Drop>
       <p class="controls-line" role="status" aria-live="polite" data-kind={of.line.value.kind || undefined}>{of.line.value.words}</p>
     </div>

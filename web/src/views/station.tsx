@@ -1,7 +1,7 @@
 // #/station/NAME: one station's session, as it happens.
 import { effect, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { SessionState, type LiveSession } from "wire";
+import { AttemptState_End, AttemptState_Purpose, SessionState, type LiveSession } from "wire";
 import type { App, View } from "../app";
 import { Dashboard } from "../dashboard";
 import { STATE } from "../history";
@@ -122,6 +122,10 @@ function useChanges(own: Station): void {
         if (change === "moment") own.heard = own.app.feed.now();
         if (change !== "moment" || own.controls?.state.peek() !== own.state) show();
       }),
+      own.app.feed.on("attempt", ({ stationNumber, purpose, end }) => {
+        if (own.controls && stationNumber === own.source.session?.stationNumber)
+          own.controls.exam.value = purpose === AttemptState_Purpose.EXAM && end === AttemptState_End.RUNS;
+      }),
       own.app.feed.onLink(show),
     ];
     return () => ends.forEach((end) => end());
@@ -159,6 +163,7 @@ function Head({ of, old }: { of: Station; old: string | undefined }) {
         <span class="badge state-badge" data-state={old !== undefined ? "old" : String(state)} hidden={source.refused}>
           <Icon name={old !== undefined ? "gone" : sign} />{old !== undefined ? text.station.unknown : text.wall.statuses[words]}
         </span>
+        {of.controls?.exam.value && <span class="badge act"><Icon name="look" />{text.teach.exam.runs}</span>}
         <span class="session-clock number">{source.history.count ? format.clock(source.history.end) : ""}</span>
         <p class="stale badge now">{old ?? ""}</p>
         <p class="badge act" role="status" hidden={!source.note}>{source.note}</p>

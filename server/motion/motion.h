@@ -39,14 +39,6 @@ struct motion_place {
     vec3 at;                      // with a landmark: from there, along the joint's axes
 };
 
-// What is still there of a group's planned resection, over its arc from the anterior to the
-// posterior end.
-#define MOTION_LEFT_COUNT 257
-struct motion_left {
-    double margin_mm[MOTION_LEFT_COUNT]; // how far the inner margin has come back
-    double depth_mm[MOTION_LEFT_COUNT];  // how deep behind it the plan goes on; 0: nothing is left
-};
-
 struct motion_step {
     enum motion_verb verb;
     enum channel tool;
@@ -57,10 +49,10 @@ struct motion_step {
     // look (0: as it comes).
     double amount;
     int64_t count; // of bites, at most
-    // Of a resection: bites go once along what is still there. NULL: the plan is whole, and bites
-    // go round again as deep as rounds before are expected to have left it.
-    const struct motion_left *left;
-    bool from_above; // with the punch turned over
+    // Of a bite, not in a script: the place is the tip's own, on no surface, and the jaw is turned
+    // so about the shaft.
+    bool is_free;
+    double roll_deg;
 };
 
 const char *motion_verb_name(enum motion_verb verb); // as the script spells it
@@ -119,11 +111,6 @@ struct motion {
 enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
                         struct motion *out_motion, struct error *err);
 void motion_fini(struct motion *motion);
-
-// `now`: the patient's tissue as it is cut, in the group's frame. RESULT_MISSING: no such group, or
-// it has no plan.
-enum result motion_left(struct knee_case *knee, const char *group, const struct mesh *now,
-                        struct motion_left *out_left, struct error *err);
 
 // The case in memory gets what hands need: portals where it has none, and where `landmarks` is set,
 // all landmarks. motion_plan does so by itself. RESULT_INVALID where none are found.

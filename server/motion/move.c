@@ -63,6 +63,10 @@ bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip) {
     return is_within(plan, hand, tip, 0.8 * MOTION_DEPTH_MAX);
 }
 
+bool plan_bites_at(const struct plan *plan, const struct hand *hand, vec3 tip) {
+    return plan_is_clear(plan, hand, tip) && plan_is_clear(plan, hand, plan_before_bite(hand, tip));
+}
+
 bool plan_sees(const struct plan *plan, vec3 from, vec3 to) {
     enum body body;
     double length = vec3_distance(from, to), share = fmax(1 - MOTION_SPARE / length, 0);
@@ -101,13 +105,21 @@ static quat rolled_up(quat before, vec3 direction, vec3 up) {
     return same < 0 ? (quat){-q.w, -q.x, -q.y, -q.z} : q;
 }
 
+static quat rolled(quat rotation, double roll) {
+    return quat_multiply(rotation, quat_from_axis_angle((vec3){0, 0, 1}, roll));
+}
+
 static struct motion_tool_state hand_state(struct hand *hand, double t, vec3 up) {
     vec3 shake = tremor_at(&hand->tremor, t);
     double depth = hand_depth(hand);
     vec3 tip = vec3_add_scaled(hand->tip, fmin(depth / MOTION_SAFE_DEPTH, 1), shake);
     hand->rotation = rolled_up(hand->rotation, hand_direction(hand, tip), up);
-    quat roll = quat_from_axis_angle((vec3){0, 0, 1}, hand->roll);
-    return (struct motion_tool_state){{quat_multiply(hand->rotation, roll), tip}, hand->opening};
+    return (struct motion_tool_state){{rolled(hand->rotation, hand->roll), tip}, hand->opening};
+}
+
+pose plan_tool_pose(const struct plan *plan, const struct hand *hand, vec3 tip, double roll) {
+    quat up = rolled_up(hand->rotation, hand_direction(hand, tip), plan_up(plan));
+    return (pose){rolled(up, roll), tip};
 }
 
 vec3 plan_up(const struct plan *plan) {

@@ -30,6 +30,29 @@ struct plan {
     struct error *err;
 };
 
+// Bones and landmarks. plan: knee, script, motion (zeroed) and err are set. The script's steps need
+// not be there: its manner and the landmarks that it names count. The caller releases it with
+// plan_end, after an error too.
+enum result plan_begin(struct plan *plan);
+void plan_end(struct plan *plan);
+
+// An instrument that rests before a portal, which it keeps. All are taken up before the first row.
+enum result plan_take_up(struct plan *plan, enum channel tool, const char *portal);
+struct hand *plan_hand(struct plan *plan, enum channel tool); // NULL: not taken up
+
+// Appends the rows of a step. Where it is refused nothing has changed.
+enum result plan_step(struct plan *plan, const struct motion_step *step);
+
+// To go back to a place of the motion: rows after it are dropped.
+struct plan_mark {
+    struct joint_angles joint;
+    struct joint_hold hold;
+    struct hand hands[INSTRUMENT_COUNT];
+    size_t row_count;
+};
+struct plan_mark plan_mark(const struct plan *plan);
+void plan_back(struct plan *plan, const struct plan_mark *mark);
+
 // Instruments turn from one target to the next this far inside the portal, mm, or nearer to it
 // where bones need that.
 #define MOTION_SAFE_DEPTH 15.0
@@ -46,6 +69,12 @@ vec3 hand_direction(const struct hand *hand, vec3 tip); // of the shaft with the
 // Whether the shaft with its tip there passes all bones, with some of MOTION_DEPTH_MAX to spare for
 // what lies between two such tips.
 bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip);
+
+// The same, and where the bite begins.
+bool plan_bites_at(const struct plan *plan, const struct hand *hand, vec3 tip);
+
+// T_femur_tip of an instrument that is turned so about its shaft, without tremor.
+pose plan_tool_pose(const struct plan *plan, const struct hand *hand, vec3 tip, double roll);
 
 // Whether no bone lies between two points, the last MOTION_SPARE of the way apart.
 #define MOTION_SPARE 3.0 // mm

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static struct hand *hand_of(struct plan *plan, enum channel tool) {
+struct hand *plan_hand(struct plan *plan, enum channel tool) {
     for (int i = 0; i < plan->motion->tool_count; i++)
         if (plan->motion->tools[i].channel == tool)
             return &plan->hands[i];
@@ -152,10 +152,23 @@ static enum result bite_point(struct plan *plan, const struct hand *hand,
     return result;
 }
 
+static enum result bite_free(struct plan *plan, struct hand *hand, const struct motion_step *step,
+                             const struct case_group *group) {
+    vec3 tip = pose_apply(plan_body_pose(plan, group->body), step->from.at);
+    if (!plan_bites_at(plan, hand, tip))
+        return unreached(plan, hand, &step->from, tip);
+    if (plan_roll(plan, hand, RAD_PER_DEG * step->roll_deg) != RESULT_OK ||
+        plan_approach(plan, hand, plan_before_bite(hand, tip)) != RESULT_OK)
+        return RESULT_INVALID;
+    return plan_bite(plan, hand, tip);
+}
+
 static enum result bite(struct plan *plan, struct hand *hand, const struct motion_step *step) {
     struct case_group *group;
     if (find_group(plan, step->name, &group) != RESULT_OK)
         return RESULT_MISSING;
+    if (step->is_free)
+        return bite_free(plan, hand, step, group);
     vec3 point = {0};
     enum result result = bite_point(plan, hand, group, step, &point);
     if (result != RESULT_OK)
@@ -176,10 +189,7 @@ static enum result resect(struct plan *plan, struct hand *hand, const struct mot
         return RESULT_MISSING;
     struct resection resection;
     enum result result = resection_init(&resection, plan->knee, group, plan->err);
-    if (result == RESULT_OK && step->left)
-        result =
-            resection_bite_left(&resection, plan, hand, step->left, step->from_above, step->count);
-    else if (result == RESULT_OK && step->verb == MOTION_RESECT)
+    if (result == RESULT_OK && step->verb == MOTION_RESECT)
         result = resection_bite(&resection, plan, hand, step->count);
     else if (result == RESULT_OK)
         result = resection_trace(&resection, plan, hand);
@@ -233,7 +243,7 @@ static enum result do_step(struct plan *plan, const struct motion_step *step) {
         return move_joint(plan, step);
     if (step->verb == MOTION_WAIT)
         return rest(plan, step->amount, NULL);
-    struct hand *hand = hand_of(plan, step->tool);
+    struct hand *hand = plan_hand(plan, step->tool);
     if (hand && step->verb == MOTION_APPROACH)
         return approach(plan, hand);
     if (!hand || !hand->inside)
@@ -254,6 +264,28 @@ static enum result do_step(struct plan *plan, const struct motion_step *step) {
     return plan_withdraw(plan, hand);
 }
 
+void plan_back(struct plan *plan, const struct plan_mark *mark) {
+    memcpy(plan->hands, mark->hands, sizeof plan->hands);
+    plan->joint = mark->joint;
+    plan->hold = mark->hold;
+    plan->motion->row_count = mark->row_count;
+}
+
+struct plan_mark plan_mark(const struct plan *plan) {
+    struct plan_mark mark = {
+        .joint = plan->joint, .hold = plan->hold, .row_count = plan->motion->row_count};
+    memcpy(mark.hands, plan->hands, sizeof mark.hands);
+    return mark;
+}
+
+enum result plan_step(struct plan *plan, const struct motion_step *step) {
+    struct plan_mark before = plan_mark(plan);
+    enum result result = do_step(plan, step);
+    if (result != RESULT_OK)
+        plan_back(plan, &before);
+    return result;
+}
+
 static const struct case_portal *find_portal(const struct knee_case *knee, const char *name) {
     for (int i = 0; i < knee->portal_count; i++)
         if (strcmp(knee->portals[i].name, name) == 0)
@@ -261,28 +293,27 @@ static const struct case_portal *find_portal(const struct knee_case *knee, const
     return NULL;
 }
 
-// An instrument begins before the portal of its first approach and keeps it.
-static enum result add_hand(struct plan *plan, const struct motion_step *step) {
-    const struct case_portal *portal = find_portal(plan->knee, step->name);
+enum result plan_take_up(struct plan *plan, enum channel tool, const char *name) {
+    const struct case_portal *portal = find_portal(plan->knee, name);
     if (!portal)
-        return fail(plan->err, RESULT_MISSING, "the case has no portal %s", step->name);
-    const struct hand *known = hand_of(plan, step->tool);
-    if (known && strcmp(known->portal.name, step->name) != 0)
+        return fail(plan->err, RESULT_MISSING, "the case has no portal %s", name);
+    const struct hand *known = plan_hand(plan, tool);
+    if (known && strcmp(known->portal.name, name) != 0)
         return fail(plan->err, RESULT_INVALID, "%s goes through the portal %s already",
-                    channel_name(step->tool), known->portal.name);
+                    channel_name(tool), known->portal.name);
     if (known)
         return RESULT_OK;
     int i = plan->motion->tool_count++;
-    plan->motion->tools[i] = (struct motion_tool){step->tool, portal->position};
+    plan->motion->tools[i] = (struct motion_tool){tool, portal->position};
     struct hand *hand = &plan->hands[i];
-    *hand = (struct hand){.channel = step->tool, .portal = *portal, .tip = hand_rest(portal)};
+    *hand = (struct hand){.channel = tool, .portal = *portal, .tip = hand_rest(portal)};
     hand->rotation = quat_identity();
     tremor_init(&hand->tremor, plan->script->tremor_mm,
                 (uint64_t)plan->script->seed * INSTRUMENT_COUNT + (uint64_t)i);
     return RESULT_OK;
 }
 
-static enum result prepare(struct plan *plan) {
+enum result plan_begin(struct plan *plan) {
     for (enum body body = 0; body < BODY_COUNT; body++) {
         const struct case_group *bone = case_group(plan->knee, body_name(body));
         enum result result =
@@ -304,13 +335,8 @@ static enum result at_step(const struct plan *plan, int step, enum result result
                    motion_verb_name(plan->script->steps[step].verb));
 }
 
-// Puts all back as it was before the step.
-static void leave_out(struct plan *plan, const struct plan *before, size_t row_count) {
+static void leave_out(struct plan *plan) {
     struct motion *motion = plan->motion;
-    memcpy(plan->hands, before->hands, sizeof plan->hands);
-    plan->joint = before->joint;
-    plan->hold = before->hold;
-    motion->row_count = row_count;
     if (!motion->skipped)
         motion->skipped = alloc((size_t)plan->script->step_count, sizeof *motion->skipped);
     motion->skipped[motion->skipped_count++] = *plan->err;
@@ -326,13 +352,11 @@ static enum result do_steps(struct plan *plan) {
     const struct motion_script *script = plan->script;
     bool works = false;
     for (int i = 0; i < script->step_count; i++) {
-        struct plan before = *plan;
-        size_t row_count = plan->motion->row_count;
-        enum result result = at_step(plan, i, do_step(plan, &script->steps[i]));
+        enum result result = at_step(plan, i, plan_step(plan, &script->steps[i]));
         if (result != RESULT_OK && !script->skips)
             return result;
         if (result != RESULT_OK)
-            leave_out(plan, &before, row_count);
+            leave_out(plan);
         works |= result == RESULT_OK && is_work(script->steps[i].verb);
     }
     return works || plan->motion->skipped_count == 0 ? RESULT_OK : RESULT_INVALID;
@@ -340,13 +364,20 @@ static enum result do_steps(struct plan *plan) {
 
 static enum result play(struct plan *plan) {
     const struct motion_script *script = plan->script;
-    enum result result = prepare(plan);
+    enum result result = plan_begin(plan);
     for (int i = 0; i < script->step_count && result == RESULT_OK; i++)
         if (script->steps[i].verb == MOTION_APPROACH)
-            result = at_step(plan, i, add_hand(plan, &script->steps[i]));
+            result =
+                at_step(plan, i, plan_take_up(plan, script->steps[i].tool, script->steps[i].name));
     if (result == RESULT_OK)
         result = plan_add_row(plan, NULL);
     return result == RESULT_OK ? do_steps(plan) : result;
+}
+
+void plan_end(struct plan *plan) {
+    for (enum body body = 0; body < BODY_COUNT; body++)
+        if (plan->bones[body].mesh)
+            solid_fini(&plan->bones[body]);
 }
 
 enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
@@ -356,9 +387,7 @@ enum result motion_plan(struct knee_case *knee, const struct motion_script *scri
     struct plan plan = {
         .knee = knee, .script = script, .motion = out_motion, .err = err ? err : &why};
     enum result result = play(&plan);
-    for (enum body body = 0; body < BODY_COUNT; body++)
-        if (plan.bones[body].mesh)
-            solid_fini(&plan.bones[body]);
+    plan_end(&plan);
     if (result != RESULT_OK)
         motion_fini(out_motion);
     return result;

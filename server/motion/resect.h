@@ -9,7 +9,7 @@
 #include "case/arc.h"
 #include "motion/move.h"
 
-#define RESECTION_SAMPLES (MOTION_LEFT_COUNT - 1)
+#define RESECTION_SAMPLES 256
 
 struct resection {
     const struct case_group *group;
@@ -31,12 +31,6 @@ void resection_fini(struct resection *resection);
 // where that leaves none.
 enum result resection_bite(const struct resection *resection, struct plan *plan, struct hand *hand,
                            int count);
-
-// Once along what is still there, each bite as deep as that is; from above with the punch turned
-// over. RESULT_INVALID as above.
-enum result resection_bite_left(const struct resection *resection, struct plan *plan,
-                                struct hand *hand, const struct motion_left *left, bool is_upper,
-                                int count);
 
 // The tip goes along the inner margin as far as the plan and the shaft reach: a probe slides on the
 // upper side, a shaver runs 1 mm off the margin.

@@ -1,9 +1,9 @@
 // What the parts of a rehearsal share. For this room only.
 #pragma once
 
+#include "motion/move.h"
+#include "rehearsal/play.h"
 #include "rehearsal/rehearsal.h"
-
-#define LEFTS_MAX 64 // rounds of a resection
 
 // How the joint is held where a goal does not say it, and from where the scope looks, mm (0: as it
 // comes).
@@ -16,11 +16,10 @@ struct planner {
     struct knee_case *knee;
     const struct scene *scene;
     struct site *site;
-    const char *portals[2]; // of the scope, and of the other hand
-    struct motion_script *script, *trial;
-    struct mesh tissues[TISSUES_MAX]; // of the patient, after what was tried last
-    int left_count;
-    struct motion_left *lefts[LEFTS_MAX]; // that steps of the scripts point to
+    const char *portals[2];       // of the scope, and of the other hand
+    struct motion_script *script; // what the hands have done so far
+    struct plan plan;
+    struct play *play; // of the script's motion
     struct rehearsal *out;
     struct error *err;
 };
@@ -40,15 +39,18 @@ void hold_joint(struct motion_script *script, const struct goal *goal, const str
 
 // ---- trying (rehearsal.c) ----
 
-// Plays the script so far. RESULT_OK: it could be planned.
-enum result try_script(struct planner *p, const struct motion_script *script);
+// The script's steps from this one on, and nothing if one of them is refused: then the script is as
+// long as it was before them.
+bool plan_from(struct planner *p, int step);
 
 // ---- resections (resect.c) ----
 
-// Bites where the plan is still there, from stance after stance, until the goal is met.
+// Bites where the plan is still there, from stance after stance, until the goal is met. The hand
+// sees after each bite what is left.
 bool meet_resection(struct planner *p, int goal);
 
 // ---- a novice (novice.c) ----
 
-// Makes p->trial of the expert's script.
-void become_novice(struct planner *p, int64_t seed);
+// What a novice does of an expert's script.
+void become_novice(const struct motion_script *expert, const struct knee_case *knee, int64_t seed,
+                   struct motion_script *out_script);

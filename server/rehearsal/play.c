@@ -1,7 +1,10 @@
 #include "rehearsal/play.h"
 
+#include "base/check.h"
 #include "base/clock.h"
 #include "step/session.h"
+
+#include <stdlib.h>
 
 // A job takes so long, so the moves of a closing jaw go into few jobs.
 #define JOB_NS (100 * NS_PER_MS)
@@ -10,8 +13,10 @@ struct play {
     struct session *session;
     struct operation *operation;
     const struct site *site;
-    struct attempt *attempt;
-    const struct play_watch *watch;
+    struct attempt attempt;
+    struct play_watch watch;
+    double row_ns;
+    size_t played; // rows
     struct job_result *landing;
     int64_t lands_ns;
 };
@@ -19,9 +24,9 @@ struct play {
 static void step(struct play *play, const struct session_input *input) {
     struct session_output output;
     session_step(play->session, input, &output);
-    attempt_step(play->attempt, play->site, &output);
-    if (play->watch)
-        play->watch->step(play->watch->user, input, &output);
+    attempt_step(&play->attempt, play->site, &output);
+    if (play->watch.step)
+        play->watch.step(play->watch.user, input, &output);
     if (!output.job.id)
         return;
     play->landing = operation_run(play->operation, &output.job);
@@ -64,30 +69,53 @@ static void play_row(struct play *play, const struct motion *motion, size_t row,
     step(play, &input);
 }
 
-void play_motion(const struct motion *motion, double rate_hz, const struct scene *scene,
-                 const struct site *site, const struct play_watch *watch,
-                 struct attempt *out_attempt, struct mesh *out_tissues) {
+struct play *play_create(double rate_hz, const struct scene *scene, const struct site *site,
+                         const struct play_watch *watch) {
     struct session_settings settings = session_settings_default();
     settings.instruments = *site_tools(site);
-    struct play play = {
-        .session = session_create(scene, &settings),
-        .operation = operation_create(scene, settings.rules, &settings.instruments),
-        .site = site,
-        .attempt = out_attempt,
-        .watch = watch,
-    };
-    double row_ns = NS_PER_S / rate_hz;
-    attempt_init(out_attempt);
-    step(&play, &(struct session_input){.kind = INPUT_START});
-    for (size_t row = 0; row < motion->row_count && out_attempt->end == ATTEMPT_RUNS; row++) {
-        int64_t time_ns = (int64_t)((double)(row + 1) * row_ns);
-        land(&play, time_ns);
-        play_row(&play, motion, row, time_ns);
+    struct play *play = alloc(1, sizeof *play);
+    play->session = session_create(scene, &settings);
+    play->operation = operation_create(scene, settings.rules, &settings.instruments);
+    play->site = site;
+    play->watch = watch ? *watch : (struct play_watch){0};
+    play->row_ns = NS_PER_S / rate_hz;
+    attempt_init(&play->attempt);
+    step(play, &(struct session_input){.kind = INPUT_START});
+    return play;
+}
+
+void play_destroy(struct play **play) {
+    if (!*play)
+        return;
+    job_result_destroy(&(*play)->landing);
+    operation_destroy(&(*play)->operation);
+    session_destroy(&(*play)->session);
+    free(*play);
+    *play = NULL;
+}
+
+void play_on(struct play *play, const struct motion *motion) {
+    while (play->played < motion->row_count && play->attempt.end == ATTEMPT_RUNS) {
+        int64_t time_ns = (int64_t)((double)(play->played + 1) * play->row_ns);
+        land(play, time_ns);
+        play_row(play, motion, play->played++, time_ns);
     }
-    job_result_destroy(&play.landing);
-    for (int i = 0; out_tissues && i < scene_tissue_count(scene); i++)
-        cut_mesh_flatten(operation_mesh(play.operation, i), &out_tissues[i], NULL, NULL);
+}
+
+const struct attempt *play_attempt(const struct play *play) {
+    return &play->attempt;
+}
+
+const struct operation *play_operation(const struct play *play) {
+    return play->operation;
+}
+
+void play_motion(const struct motion *motion, double rate_hz, const struct scene *scene,
+                 const struct site *site, const struct play_watch *watch,
+                 struct attempt *out_attempt) {
+    struct play *play = play_create(rate_hz, scene, site, watch);
+    play_on(play, motion);
+    *out_attempt = play->attempt;
     attempt_leave(out_attempt);
-    operation_destroy(&play.operation);
-    session_destroy(&play.session);
+    play_destroy(&play);
 }

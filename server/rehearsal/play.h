@@ -5,6 +5,7 @@
 #include "task/attempt.h"
 
 struct session_input;
+struct operation;
 
 // Gets each step.
 struct play_watch {
@@ -13,9 +14,23 @@ struct play_watch {
                  const struct session_output *output);
 };
 
-// The session has the default settings; jobs land after 0.1 s. watch: NULL is fine. out_tissues:
-// NULL, or of each tissue of the scene the patient's mesh as it is cut in the end, which the caller
-// releases.
+// A motion that grows while it is played.
+struct play;
+
+// The session has the default settings; jobs land after 0.1 s. watch: NULL is fine. The scene and
+// the site must outlive the play, which the caller destroys.
+struct play *play_create(double rate_hz, const struct scene *scene, const struct site *site,
+                         const struct play_watch *watch);
+void play_destroy(struct play **play); // NULL inside is fine
+
+// Plays the rows that were not played yet, until the attempt ends. The motion's earlier rows are
+// those of the call before.
+void play_on(struct play *play, const struct motion *motion);
+
+const struct attempt *play_attempt(const struct play *play);
+const struct operation *play_operation(const struct play *play);
+
+// All of it. The attempt is left in the end.
 void play_motion(const struct motion *motion, double rate_hz, const struct scene *scene,
                  const struct site *site, const struct play_watch *watch,
-                 struct attempt *out_attempt, struct mesh *out_tissues);
+                 struct attempt *out_attempt);

@@ -1,6 +1,5 @@
 #include "base/check.h"
 #include "rehearsal/planner.h"
-#include "rehearsal/play.h"
 #include "rehearsal/take.h"
 
 #include <math.h>
@@ -98,23 +97,25 @@ static void pursue(const struct planner *p, struct motion_script *script, int in
 
 // ---- trying -------------------------------------------------------------------------------------
 
-static void drop_tissues(struct planner *p) {
-    for (int i = 0; i < TISSUES_MAX; i++)
-        mesh_fini(&p->tissues[i]);
+bool plan_from(struct planner *p, int first) {
+    struct plan_mark before = plan_mark(&p->plan);
+    for (int i = first; i < p->script->step_count; i++) {
+        const struct motion_step *step = &p->script->steps[i];
+        enum result result = plan_step(&p->plan, step);
+        if (result == RESULT_OK)
+            continue;
+        fail_in(p->err, result, "step %d (%s): ", i + 1, motion_verb_name(step->verb));
+        plan_back(&p->plan, &before);
+        p->script->step_count = first;
+        return false;
+    }
+    return true;
 }
 
-enum result try_script(struct planner *p, const struct motion_script *script) {
-    struct motion motion = {0};
-    enum result result = motion_plan(p->knee, script, &motion, p->err);
-    if (result != RESULT_OK) {
-        motion_fini(&motion);
-        return result;
-    }
-    motion_fini(&p->out->motion);
-    p->out->motion = motion;
-    drop_tissues(p);
-    play_motion(&motion, script->rate_hz, p->scene, p->site, NULL, &p->out->attempt, p->tissues);
-    return RESULT_OK;
+static void play_anew(struct planner *p) {
+    play_destroy(&p->play);
+    p->play = play_create(p->script->rate_hz, p->scene, p->site, NULL);
+    play_on(p->play, &p->out->motion);
 }
 
 // Goals that are pursued together: those whose scope stays.
@@ -124,17 +125,20 @@ static int last_of_chain(const struct planner *p, int goal) {
     return goal;
 }
 
+// Where the stance does not meet the goal, all is as before.
 static bool try_stance(struct planner *p, int goal, const struct stance *stance) {
-    int last = last_of_chain(p, goal);
-    *p->trial = *p->script;
+    int last = last_of_chain(p, goal), first_step = p->script->step_count;
+    struct plan_mark before = plan_mark(&p->plan);
     for (int i = goal; i <= last; i++)
-        pursue(p, p->trial, i, stance);
-    if (try_script(p, p->trial) != RESULT_OK)
+        pursue(p, p->script, i, stance);
+    if (!plan_from(p, first_step))
         return false;
-    if (p->out->attempt.goals[last].met) {
-        *p->script = *p->trial;
+    play_on(p->play, &p->out->motion);
+    if (play_attempt(p->play)->goals[last].met)
         return true;
-    }
+    p->script->step_count = first_step;
+    plan_back(&p->plan, &before);
+    play_anew(p);
     fail(p->err, RESULT_INVALID, "the hands get there, but its conditions do not hold together");
     return false;
 }
@@ -157,27 +161,55 @@ static bool meet(struct planner *p, int goal) {
 
 // ---- the whole ----------------------------------------------------------------------------------
 
-static void begin(struct planner *p) {
+// CHANNEL_SCOPE: no other.
+static enum channel tool_of(const struct planner *p, int goal) {
+    const struct goal *g = &p->task->goals[goal];
+    if (g->resect[0])
+        return CHANNEL_PUNCH;
+    if (g->take_out[0])
+        return CHANNEL_FIRST_DESCRIBED;
+    return needs_tool(g) ? channel_of(site_goal(p->site, goal)) : CHANNEL_SCOPE;
+}
+
+static bool take_up(struct planner *p) {
+    if (plan_begin(&p->plan) != RESULT_OK ||
+        plan_take_up(&p->plan, CHANNEL_SCOPE, p->portals[0]) != RESULT_OK)
+        return false;
+    for (int i = 0; i < p->task->goal_count; i++) {
+        enum channel tool = tool_of(p, i);
+        if (tool != CHANNEL_SCOPE && plan_take_up(&p->plan, tool, p->portals[1]) != RESULT_OK)
+            return false;
+    }
+    return plan_add_row(&p->plan, NULL) == RESULT_OK;
+}
+
+// The tool of touches goes in at once; a punch and a grasper go in and out as they are needed.
+static bool enter(struct planner *p) {
+    add_named(p->script, MOTION_APPROACH, CHANNEL_SCOPE, p->portals[0]);
+    for (int i = 0; i < p->task->goal_count; i++)
+        if (needs_tool(&p->task->goals[i])) {
+            add_named(p->script, MOTION_APPROACH, tool_of(p, i), p->portals[1]);
+            break;
+        }
+    return plan_from(p, 0);
+}
+
+static bool begin(struct planner *p) {
     *p->script = (struct motion_script){.rate_hz = 100,
                                         .speed_mm_s = 40,
                                         .joint_speed_deg_s = 30,
                                         .tremor_mm = 0.05,
                                         .seed = 1,
                                         .optic_deg = site_optic(p->site)->tilt_deg};
-    add_named(p->script, MOTION_APPROACH, CHANNEL_SCOPE, p->portals[0]);
-    for (int i = 0; i < p->task->goal_count; i++)
-        if (needs_tool(&p->task->goals[i])) {
-            add_named(p->script, MOTION_APPROACH, channel_of(site_goal(p->site, i)), p->portals[1]);
-            return;
-        }
+    p->plan = (struct plan){
+        .knee = p->knee, .script = p->script, .motion = &p->out->motion, .err = p->err};
+    if (!take_up(p) || !enter(p))
+        return false;
+    play_anew(p);
+    return true;
 }
 
-// How many goals were met.
-static int pursue_all(struct planner *p, const char *scope, const char *other,
-                      void (*progress)(int, int)) {
-    p->portals[0] = scope;
-    p->portals[1] = other;
-    begin(p);
+static int meet_all(struct planner *p, void (*progress)(int, int)) {
     for (int i = 0; i < p->task->goal_count; i++) {
         if (!meet(p, i))
             return i;
@@ -188,67 +220,99 @@ static int pursue_all(struct planner *p, const char *scope, const char *other,
     return p->task->goal_count;
 }
 
+// How many goals were met.
+static int pursue_all(struct planner *p, const char *scope, const char *other,
+                      void (*progress)(int, int)) {
+    *p->out = (struct rehearsal){.script = alloc(1, sizeof *p->script)};
+    p->script = p->out->script;
+    p->portals[0] = scope;
+    p->portals[1] = other;
+    int met = begin(p) ? meet_all(p, progress) : 0;
+    p->out->goal = met == p->task->goal_count ? -1 : met;
+    if (p->play)
+        p->out->attempt = *play_attempt(p->play);
+    attempt_leave(&p->out->attempt);
+    play_destroy(&p->play);
+    plan_end(&p->plan);
+    return met;
+}
+
 // Either hand on the scope: the one that gets farther.
 static void try_both_hands(struct planner *p, void (*progress)(int, int)) {
     const struct case_portal *portals = p->knee->portals;
-    struct error why;
     int met = pursue_all(p, portals[0].name, portals[1].name, progress);
-    p->out->goal = met == p->task->goal_count ? -1 : met;
     if (met == p->task->goal_count)
         return;
-    why = *p->err;
-    struct rehearsal before = *p->out;
-    p->out->motion = (struct motion){0};
-    int other = pursue_all(p, portals[1].name, portals[0].name, progress);
-    if (other > met) {
-        p->out->goal = other == p->task->goal_count ? -1 : other;
-        rehearsal_fini(&before);
+    struct error why = *p->err;
+    struct rehearsal first = *p->out;
+    if (pursue_all(p, portals[1].name, portals[0].name, progress) > met) {
+        rehearsal_fini(&first);
         return;
     }
     rehearsal_fini(p->out);
-    *p->out = before;
+    *p->out = first;
     *p->err = why;
 }
 
-static enum result prepare(struct planner *p, struct knee_case *knee) {
-    enum result result = motion_prepare(knee, knee->landmark_count == 0, p->err);
+static enum result prepare(struct knee_case *knee, struct error *err) {
+    enum result result = motion_prepare(knee, knee->landmark_count == 0, err);
     if (result == RESULT_OK && knee->portal_count < 2)
-        result = fail(p->err, RESULT_MISSING, "the case has one portal; a task needs two");
+        result = fail(err, RESULT_MISSING, "the case has one portal; a task needs two");
+    return result;
+}
+
+static enum result make_site(const struct task *task, const struct scene *scene,
+                             struct site **out_site, struct error *err) {
+    struct view_optic optic = view_optic_usual();
+    if (!isnan(task->optic_deg))
+        optic.tilt_deg = task->optic_deg;
+    return site_create(task, scene, instruments_of_hands(), &optic, out_site, err);
+}
+
+static enum result rehearse_expert(const struct task *task, struct knee_case *knee,
+                                   const struct scene *scene, void (*progress)(int done, int all),
+                                   struct rehearsal *out, struct error *err) {
+    struct planner p = {.task = task, .knee = knee, .scene = scene, .out = out, .err = err};
+    *out = (struct rehearsal){.goal = -1};
+    enum result result = make_site(task, scene, &p.site, err);
+    if (result == RESULT_OK)
+        result = prepare(knee, err);
+    if (result == RESULT_OK)
+        try_both_hands(&p, progress);
+    site_destroy(&p.site);
+    return result;
+}
+
+enum result rehearse_novice(const struct task *task, struct knee_case *knee,
+                            const struct scene *scene, const struct rehearsal *expert, int64_t seed,
+                            struct rehearsal *out, struct error *err) {
+    struct site *site;
+    *out = (struct rehearsal){.goal = -1, .script = alloc(1, sizeof *out->script)};
+    enum result result = make_site(task, scene, &site, err);
+    if (result != RESULT_OK)
+        return result;
+    become_novice(expert->script, knee, seed, out->script);
+    result = motion_plan(knee, out->script, &out->motion, err);
+    if (result == RESULT_OK)
+        play_motion(&out->motion, out->script->rate_hz, scene, site, NULL, &out->attempt);
+    site_destroy(&site);
     return result;
 }
 
 enum result rehearse(const struct task *task, struct knee_case *knee, const struct scene *scene,
                      enum hands hands, int64_t seed, void (*progress)(int done, int all),
                      struct rehearsal *out, struct error *err) {
-    struct motion_script *scripts = alloc(2, sizeof *scripts);
-    struct planner p = {.task = task,
-                        .knee = knee,
-                        .scene = scene,
-                        .script = &scripts[0],
-                        .trial = &scripts[1],
-                        .out = out,
-                        .err = err};
-    struct view_optic optic = view_optic_usual();
-    if (!isnan(task->optic_deg))
-        optic.tilt_deg = task->optic_deg;
-    *out = (struct rehearsal){.goal = -1};
-    enum result result = site_create(task, scene, instruments_of_hands(), &optic, &p.site, err);
-    if (result == RESULT_OK)
-        result = prepare(&p, knee);
-    if (result == RESULT_OK)
-        try_both_hands(&p, progress);
-    if (result == RESULT_OK && hands == HANDS_NOVICE && out->goal < 0) {
-        become_novice(&p, seed);
-        result = try_script(&p, p.trial);
-    }
-    drop_tissues(&p);
-    for (int i = 0; i < p.left_count; i++)
-        free(p.lefts[i]);
-    site_destroy(&p.site);
-    free(scripts);
+    enum result result = rehearse_expert(task, knee, scene, progress, out, err);
+    if (result != RESULT_OK || hands == HANDS_EXPERT || out->goal >= 0)
+        return result;
+    struct rehearsal expert = *out;
+    result = rehearse_novice(task, knee, scene, &expert, seed, out, err);
+    rehearsal_fini(&expert);
     return result;
 }
 
 void rehearsal_fini(struct rehearsal *rehearsal) {
     motion_fini(&rehearsal->motion);
+    free(rehearsal->script);
+    rehearsal->script = NULL;
 }

@@ -14,7 +14,8 @@ enum hands {
 struct rehearsal {
     struct motion motion;
     struct attempt attempt;
-    int goal; // the first that the hands did not meet, -1: all are met
+    int goal;                     // the first that the hands did not meet, -1: all are met
+    struct motion_script *script; // of the motion
 };
 
 // `knee` is the case of the scene, loaded again; it gets landmarks and portals where it has none.
@@ -25,4 +26,9 @@ struct rehearsal {
 enum result rehearse(const struct task *task, struct knee_case *knee, const struct scene *scene,
                      enum hands hands, int64_t seed, void (*progress)(int done, int all),
                      struct rehearsal *out, struct error *err);
-void rehearsal_fini(struct rehearsal *rehearsal);
+void rehearsal_fini(struct rehearsal *rehearsal); // a zeroed one is fine
+
+// A novice's hands after an expert's that met all goals, for the seed. Results as rehearse.
+enum result rehearse_novice(const struct task *task, struct knee_case *knee,
+                            const struct scene *scene, const struct rehearsal *expert, int64_t seed,
+                            struct rehearsal *out, struct error *err);

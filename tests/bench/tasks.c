@@ -128,7 +128,7 @@ static enum result record(struct measuring *m, const struct motion *motion,
         return result;
     trace_append_begun(m->writer, &begun);
     struct play_watch watch = {m, append};
-    play_motion(motion, RATE_HZ, m->scene, m->site, &watch, out_live, NULL);
+    play_motion(motion, RATE_HZ, m->scene, m->site, &watch, out_live);
     trace_writer_destroy(&m->writer);
     return RESULT_OK;
 }

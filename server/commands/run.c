@@ -132,8 +132,8 @@ static void leave_no_core(void) {
     setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
 }
 
-static void write_statement(void *xapi, struct store *store, const struct attempt_row *attempt) {
-    xapi_attempt_ended(xapi, store, attempt->session, attempt->number);
+static void write_statement(void *xapi, struct store *store, const char *session, int number) {
+    xapi_attempt_told(xapi, store, session, number);
 }
 
 static int serve_with_statements(struct server_config *config) {

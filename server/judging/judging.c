@@ -11,7 +11,8 @@ struct judging {
     const struct attempt_taker *taker;
     bool runs;
     struct trace_attempt begun;
-    struct task task;
+    struct task_file file;
+    int64_t begun_ns, last_ns; // as of judged_attempt, and of the last step
     struct site *site;
     struct attempt attempt;
     enum result result;
@@ -26,29 +27,41 @@ static bool is_as_recorded(const struct attempt *a, enum verdict verdict,
 }
 
 static void tell(struct judging *j, const struct trace_outcome *ended) {
-    struct judged_attempt judged = {
-        .begun = &j->begun, .task = &j->task, .attempt = j->attempt, .ended = ended};
+    struct judged_attempt judged = {.begun = &j->begun,
+                                    .begun_ns = j->begun_ns,
+                                    .file = &j->file,
+                                    .site = j->site,
+                                    .attempt = j->attempt,
+                                    .ended = ended};
     judged.verdict =
         attempt_verdict_by(&j->attempt, j->begun.pass_time_s, (int)j->begun.pass_errors);
-    judged.is_same = !ended || is_as_recorded(&j->attempt, judged.verdict, ended);
+    judged.is_same = !ended || !j->site || is_as_recorded(&j->attempt, judged.verdict, ended);
     j->taker->take(j->taker->user, &judged);
     j->runs = false;
     site_destroy(&j->site);
+}
+
+static enum result read_task(struct judging *j, const struct trace_attempt *begun,
+                             struct error *err) {
+    char name[TASK_NAME_MAX + 8];
+    snprintf(name, sizeof name, "%s.ini", begun->task);
+    j->file.size = begun->size;
+    memcpy(j->file.text, begun->text, begun->size);
+    return task_parse(name, begun->text, begun->size, &j->file.task, err);
 }
 
 // One that is refused is passed over: those behind it may be good.
 static bool on_begun(void *user, const struct trace_attempt *begun) {
     struct judging *j = user;
     struct error err;
-    char name[TASK_NAME_MAX + 8];
     if (j->runs) // its end is lost
         tell(j, NULL);
     j->begun = *begun;
-    snprintf(name, sizeof name, "%s.ini", begun->task);
-    enum result result = task_parse(name, begun->text, begun->size, &j->task, &err);
     j->begun.text = NULL;
-    if (result == RESULT_OK)
-        result = site_create(&j->task, j->scene, &j->header->settings.instruments,
+    j->begun_ns = j->last_ns;
+    enum result result = read_task(j, begun, &err);
+    if (result == RESULT_OK && j->scene)
+        result = site_create(&j->file.task, j->scene, &j->header->settings.instruments,
                              &j->header->optic, &j->site, &err);
     if (result != RESULT_OK && j->result == RESULT_OK) {
         j->result = fail_in(&err, RESULT_REFUSED, "attempt %u: ", begun->number);
@@ -61,8 +74,9 @@ static bool on_begun(void *user, const struct trace_attempt *begun) {
 
 static bool on_step(void *user, const struct trace_record *record) {
     struct judging *j = user;
-    if (j->runs)
+    if (j->site)
         attempt_take(&j->attempt, j->site, record->input.kind, &record->output);
+    j->last_ns = record->input.time_ns;
     return true;
 }
 
@@ -78,14 +92,19 @@ static bool on_ended(void *user, const struct trace_outcome *ended) {
 
 enum result judge_trace(struct trace_reader *reader, const struct scene *scene,
                         const struct attempt_taker *taker, struct error *err) {
-    struct judging j = {
-        .header = trace_reader_header(reader), .scene = scene, .taker = taker, .result = RESULT_OK};
+    const struct trace_header *header = trace_reader_header(reader);
+    struct judging j = {.header = header,
+                        .scene = scene,
+                        .taker = taker,
+                        .last_ns = header->start_ns,
+                        .result = RESULT_OK};
     struct trace_player player = {.user = &j,
                                   .step = on_step,
                                   .begun = on_begun,
                                   .ended = on_ended,
                                   .progress = taker->progress};
-    trace_reader_bind(reader, scene);
+    if (scene)
+        trace_reader_bind(reader, scene);
     enum result end = trace_play(reader, &player, err);
     if (j.runs)
         tell(&j, NULL);

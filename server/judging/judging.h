@@ -7,7 +7,9 @@
 
 struct judged_attempt {
     const struct trace_attempt *begun; // as recorded; without its text
-    const struct task *task;           // from the recorded file
+    int64_t begun_ns;                  // the session's clock: of the step before
+    const struct task_file *file;      // as recorded
+    const struct site *site;           // NULL: nothing was judged
     struct attempt attempt;            // at its end, or at the end of the trace
     enum verdict verdict;              // by the recorded pass mark
     const struct trace_outcome *ended; // as recorded; NULL: the trace ends, or is damaged, before
@@ -20,7 +22,8 @@ struct attempt_taker {
     void (*progress)(uint64_t done, uint64_t all);                  // or NULL
 };
 
-// From the reader's place on; the scene is of the trace's case. RESULT_CLOSED: to the trace's end.
+// From the reader's place on; the scene is of the trace's case. Without a scene (NULL) nothing is
+// judged, and each attempt is as recorded. RESULT_CLOSED: to the trace's end.
 // RESULT_REFUSED: so too, but a task is none, or cannot be done on the case; its attempt is left
 // out, and the error names the first. Else as trace_read.
 enum result judge_trace(struct trace_reader *reader, const struct scene *scene,

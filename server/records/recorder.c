@@ -26,7 +26,11 @@
 struct recorder {
     char *records, *traces_dir, *authority;
     struct trace_signer signer;
-    void (*attempt_written)(void *user, struct store *store, const struct attempt_row *attempt);
+    scene_finder find;
+    void *find_user;
+    void (*read_attempts)(const char *trace, const struct scene *scene, attempt_row_taker take,
+                          void *taker);
+    void (*attempt_written)(void *user, struct store *store, const char *session, int number);
     void *attempt_user;
     int64_t start_utc_ns;
     struct scoring *scoring;
@@ -76,10 +80,6 @@ void recorder_put(struct recorder *r, const struct store_session *session) {
         put(r, &(struct waiting){.kind = WAITING_ROW, .row = *session});
 }
 
-static void put_score(void *recorder, const struct session_score *score) {
-    put(recorder, &(struct waiting){.kind = WAITING_SCORE, .score = *score});
-}
-
 void recorder_attempt(struct recorder *r, const struct attempt_row *attempt) {
     struct attempt_row *copy;
     if (!r)
@@ -87,6 +87,30 @@ void recorder_attempt(struct recorder *r, const struct attempt_row *attempt) {
     copy = alloc(1, sizeof *copy);
     *copy = *attempt;
     put(r, &(struct waiting){.kind = WAITING_ATTEMPT, .attempt = copy});
+}
+
+static void put_read_attempt(void *recorder, const struct attempt_row *attempt) {
+    recorder_attempt(recorder, attempt);
+}
+
+// Where they cannot be asked, or lack the session: none.
+static int64_t attempts_recorded(const struct recorder *r, const char *session) {
+    struct store *store;
+    int64_t count = 0;
+    if (store_open(r->records, STORE_THERE, RECORDER_ACTOR, &store, NULL) == RESULT_OK)
+        store_attempt_count(store, session, &count, NULL);
+    store_close(&store);
+    return count;
+}
+
+// The attempts first: a session with its score is not looked at again.
+static void put_score(void *recorder, const struct session_score *score) {
+    struct recorder *r = recorder;
+    const struct store_session *session = &score->session;
+    if (r->read_attempts && score->attempts > attempts_recorded(r, session->id))
+        r->read_attempts(session->trace, r->find(r->find_user, session->case_hash),
+                         put_read_attempt, r);
+    put(r, &(struct waiting){.kind = WAITING_SCORE, .score = *score});
 }
 
 void recorder_note(struct recorder *r, const char *actor, const char *action, const char *subject) {
@@ -159,89 +183,86 @@ static void notice_exchange(struct recorder *r) {
     r->file = now;
 }
 
-// *out_removed: somebody has removed the session meanwhile, and it stays removed.
-static enum result write_row(struct recorder *r, const struct session_score *score,
-                             bool *out_removed, struct error *err) {
-    struct store *store;
-    const struct store_session *session = &score->session;
-    enum result result = store_open(r->records, STORE_MAKE, RECORDER_ACTOR, &store, err);
-    *out_removed = false;
-    if (result != RESULT_OK)
-        return result;
-    if (session->state == STATE_OPEN)
-        result = store_put_session(store, session, score->results, score->count, err);
-    else
-        result = store_put_ended(store, session, score->results, score->count, err);
-    store_close(&store);
-    if (result == RESULT_INVALID || result == RESULT_REFUSED)
-        log_error("records", "session %s, trace %s: it cannot be recorded: %s", session->id,
-                  session->trace, err->text);
-    *out_removed = result == RESULT_MISSING;
-    bool is_final = *out_removed || result == RESULT_INVALID || result == RESULT_REFUSED;
-    return is_final ? RESULT_OK : result; // nothing would change by trying again
+static enum result put_row(struct store *store, const struct store_session *session,
+                           const struct session_score *score, struct error *err) {
+    const struct store_result *results = score ? score->results : NULL;
+    int count = score ? score->count : 0;
+    return session->state == STATE_OPEN ? store_put_session(store, session, results, count, err)
+                                        : store_put_ended(store, session, results, count, err);
 }
 
-static enum result write_audit(struct recorder *r, const struct store_audit_entry *entry,
-                               struct error *err) {
-    struct store *store;
-    enum result result = store_open(r->records, STORE_MAKE, RECORDER_ACTOR, &store, err);
-    if (result == RESULT_OK)
-        result = store_put_audit(store, entry, err);
-    store_close(&store);
-    if (result == RESULT_INVALID) {
-        log_error("records", "%s: it cannot be in the audit log: %s", entry->action, err->text);
-        result = RESULT_OK;
+static bool copy_live(struct recorder *r, const char *id, struct store_session *out) {
+    bool found = false;
+    pthread_mutex_lock(&r->mutex);
+    for (int i = 0; i < LIVE_MAX && !found; i++) {
+        found = r->live[i].trace[0] && !strcmp(r->live[i].id, id);
+        if (found)
+            *out = r->live[i];
     }
-    if (result == RESULT_OK)
-        tell_success(r);
+    pthread_mutex_unlock(&r->mutex);
+    return found;
+}
+
+// Records that replaced the others may lack a session that goes on.
+static enum result put_attempt(struct recorder *r, struct store *store,
+                               const struct attempt_row *attempt, struct error *err) {
+    struct store_session session;
+    bool is_new;
+    enum result result = store_attempt_add(store, attempt, &is_new, err);
+    if (result == RESULT_MISSING && copy_live(r, attempt->session, &session)) {
+        result = store_put_session(store, &session, NULL, 0, err);
+        if (result == RESULT_OK)
+            result = store_attempt_add(store, attempt, &is_new, err);
+    }
+    if (result == RESULT_OK && is_new && r->attempt_written)
+        r->attempt_written(r->attempt_user, store, attempt->session, attempt->number);
     return result;
 }
 
-static enum result write_attempt(struct recorder *r, const struct attempt_row *attempt,
-                                 struct error *err) {
+static enum result write_in(struct recorder *r, struct store *store, const struct waiting *w,
+                            struct error *err) {
+    switch (w->kind) {
+    case WAITING_ROW:
+        return put_row(store, &w->row, NULL, err);
+    case WAITING_SCORE:
+        return put_row(store, &w->score.session, &w->score, err);
+    case WAITING_ENTRY:
+        return store_put_audit(store, &w->entry, err);
+    case WAITING_ATTEMPT:
+        return put_attempt(r, store, w->attempt, err);
+    }
+    return RESULT_OK;
+}
+
+// A session that is missing was removed meanwhile, and stays removed.
+static void tell_refused(const struct waiting *w, enum result result, const struct error *err) {
+    const struct store_session *s = w->kind == WAITING_SCORE ? &w->score.session : &w->row;
+    if (w->kind == WAITING_ENTRY)
+        log_error("records", "%s: it cannot be in the audit log: %s", w->entry.action, err->text);
+    else if (w->kind == WAITING_ATTEMPT)
+        log_error("records", "attempt %d of session %s: it cannot be recorded: %s",
+                  w->attempt->number, w->attempt->session, err->text);
+    else if (result != RESULT_MISSING)
+        log_error("records", "session %s, trace %s: it cannot be recorded: %s", s->id, s->trace,
+                  err->text);
+}
+
+static enum result write_one(struct recorder *r, const struct waiting *w, struct error *err) {
     struct store *store;
     enum result result = store_open(r->records, STORE_MAKE, RECORDER_ACTOR, &store, err);
-    if (result == RESULT_OK)
-        result = store_attempt_add(store, attempt, err);
-    if (result == RESULT_OK && r->attempt_written)
-        r->attempt_written(r->attempt_user, store, attempt);
+    if (result != RESULT_OK)
+        return result;
+    result = write_in(r, store, w, err);
     store_close(&store);
+    if (result == RESULT_OK && w->kind == WAITING_ROW && w->row.end_utc_ns && r->scoring)
+        scoring_put(r->scoring, &w->row);
     if (result == RESULT_INVALID || result == RESULT_REFUSED || result == RESULT_MISSING) {
-        log_error("records", "attempt %d of session %s: it cannot be recorded: %s", attempt->number,
-                  attempt->session, err->text);
+        tell_refused(w, result, err);
         result = RESULT_OK; // nothing would change by trying again
     }
     if (result == RESULT_OK)
         tell_success(r);
     return result;
-}
-
-static enum result write_session(struct recorder *r, const struct store_session *session,
-                                 struct error *err) {
-    const struct session_score row = {.session = *session};
-    bool removed;
-    enum result result = write_row(r, &row, &removed, err);
-    if (result != RESULT_OK)
-        return result;
-    tell_success(r);
-    if (!removed && session->end_utc_ns && r->scoring)
-        scoring_put(r->scoring, session);
-    return RESULT_OK;
-}
-
-static enum result write_one(struct recorder *r, const struct waiting *waiting, struct error *err) {
-    bool removed;
-    switch (waiting->kind) {
-    case WAITING_ROW:
-        return write_session(r, &waiting->row, err);
-    case WAITING_ENTRY:
-        return write_audit(r, &waiting->entry, err);
-    case WAITING_ATTEMPT:
-        return write_attempt(r, waiting->attempt, err);
-    case WAITING_SCORE:
-        return write_row(r, &waiting->score, &removed, err);
-    }
-    return RESULT_OK;
 }
 
 // False if the rest has to wait.
@@ -377,18 +398,17 @@ static enum result write_spool(struct recorder *r, struct waiting **at, struct e
                                           : audit_spool_add(r->records, next_entry, at, err);
 }
 
-// The traces contain the sessions, but only the spool keeps the audit entries.
+// The traces contain sessions and attempts, but only the spool keeps the audit entries.
 static void leave_the_rest(struct recorder *r) {
     struct error err;
     size_t sessions = 0, attempts = 0, count = 0;
     struct waiting *first = first_waiting(r), *at = first;
     for (const struct waiting *w = first; w; w = w->next)
         w->kind == WAITING_ENTRY ? count++ : w->kind == WAITING_ATTEMPT ? attempts++ : sessions++;
-    log_error(
-        "records",
-        "%s: %zu sessions and %zu audit entries are not written: the next start does it; %zu "
-        "attempts are in their traces alone",
-        r->records, sessions, count, attempts);
+    log_error("records",
+              "%s: %zu sessions, %zu attempts and %zu audit entries are not written: the next "
+              "start does it",
+              r->records, sessions, attempts, count);
     if (!count || write_spool(r, &at, &err) == RESULT_OK)
         return;
     log_error("records", "the audit entries are lost: %s", err.text);
@@ -449,6 +469,9 @@ struct recorder *recorder_start(const struct recorder_config *config) {
     r->traces_dir = alloc_text(config->traces_dir);
     r->authority = alloc_text(config->authority);
     r->signer = config->signer;
+    r->find = config->find;
+    r->find_user = config->user;
+    r->read_attempts = config->read_attempts;
     r->attempt_written = config->attempt_written;
     r->attempt_user = config->attempt_user;
     r->signed_ns = -SIGN_NS;

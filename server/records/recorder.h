@@ -14,6 +14,8 @@
 
 struct recorder;
 
+typedef void (*attempt_row_taker)(void *user, const struct attempt_row *row);
+
 // Texts are copied.
 struct recorder_config {
     const char *records;    // the database; made if it does not exist
@@ -22,13 +24,18 @@ struct recorder_config {
     scene_finder find;      // called from the scoring thread
     void *user;
     struct trace_signer signer; // of the audit log, each minute; sign NULL: it stays unsigned
-    // After an attempt was written, from the recorder's thread; NULL: nobody wants to know.
-    void (*attempt_written)(void *user, struct store *store, const struct attempt_row *attempt);
+    // Gives each attempt that a trace holds to `take`, from the scoring thread; scene: NULL where
+    // `find` has none. NULL: traces have no attempts.
+    void (*read_attempts)(const char *trace, const struct scene *scene, attempt_row_taker take,
+                          void *taker);
+    // After a row was written that the records had not, from the recorder's thread; NULL: nobody
+    // wants to know.
+    void (*attempt_written)(void *user, struct store *store, const char *session, int number);
     void *attempt_user;
 };
 
-// Adds the sessions in traces_dir that have no end in the records, then waits for more. Does the
-// same again after the file of the records was replaced.
+// Adds the sessions in traces_dir that have no end in the records, with their attempts, then waits
+// for more. Does the same again after the file of the records was replaced.
 struct recorder *recorder_start(const struct recorder_config *config);
 
 // From any thread; copies, and does not wait for a disk. The trace of a session that has ended must

@@ -91,6 +91,7 @@ struct row_reader {
     int64_t begin_ns, begin_utc_ns; // from here on the session's clock and the time of day went
                                     // together
     int64_t resumed_utc_ns;         // without a step since; else 0
+    int attempts;
 };
 
 static bool on_step(void *user, const struct trace_record *record) {
@@ -119,6 +120,13 @@ static bool on_gap(void *user, uint64_t missing) {
     return true;
 }
 
+static bool on_ended(void *user, const struct trace_outcome *ended) {
+    struct row_reader *r = user;
+    (void)ended;
+    r->attempts++;
+    return true;
+}
+
 static bool on_end(void *user, uint64_t records, uint64_t missing) {
     struct row_reader *r = user;
     (void)records;
@@ -130,15 +138,21 @@ static bool on_end(void *user, uint64_t records, uint64_t missing) {
 // *out_closed: when the trace was closed, long after its last step if a killed server left it open.
 // What is damaged counts as far as it is whole. RESULT_IO: the file cannot be read.
 static enum result read_steps(struct trace_reader *reader, struct metrics *metrics,
-                              struct store_session *s, int64_t *out_closed_utc_ns,
+                              struct session_score *score, int64_t *out_closed_utc_ns,
                               struct error *err) {
+    struct store_session *s = &score->session;
     int64_t start_ns = trace_reader_header(reader)->start_ns;
-    struct row_reader r = {metrics, s, start_ns, start_ns, s->start_utc_ns, 0};
-    struct trace_player player = {
-        .user = &r, .step = on_step, .resume = on_resume, .gap = on_gap, .end = on_end};
+    struct row_reader r = {metrics, s, start_ns, start_ns, s->start_utc_ns, 0, 0};
+    struct trace_player player = {.user = &r,
+                                  .step = on_step,
+                                  .resume = on_resume,
+                                  .gap = on_gap,
+                                  .ended = on_ended,
+                                  .end = on_end};
     s->state = STATE_INTERRUPTED;
     if (trace_play(reader, &player, err) == RESULT_IO)
         return RESULT_IO;
+    score->attempts = r.attempts;
     s->end_utc_ns = r.begin_utc_ns + (r.last_ns > r.begin_ns ? r.last_ns - r.begin_ns : 0);
     struct trace_place place = trace_reader_place(reader);
     for (int i = 0; i < TRACE_HASH_SIZE; i++)
@@ -176,9 +190,11 @@ enum result session_score_trace(const char *trace, const char *authority, scene_
     metrics_init(metrics, &header->settings.instruments, header->optic);
     session_row_begin(header, trace, &out->session);
     int64_t closed_utc_ns;
-    result = read_steps(reader, metrics, &out->session, &closed_utc_ns, err);
+    result = read_steps(reader, metrics, out, &closed_utc_ns, err);
     if (result == RESULT_OK && is_signed(reader, authority, closed_utc_ns, &out->session))
         metrics_each(metrics, builder.knee, take_value, &builder);
+    else
+        out->attempts = 0;
     free(metrics);
     trace_reader_destroy(&reader);
     if (result == RESULT_OK)

@@ -16,12 +16,13 @@ struct session_score {
     struct store_session session;
     struct store_result *results;
     int count, room;
+    int attempts; // that its trace has with their ends
 };
 
 // Everything about a session that has ended, from its trace: header, steps, metrics
 // (docs/METRICS.md) and the file's hash. A trace that ends early is of an interrupted session, and
 // counts up to its last whole record. Only a trace with a signature of the authority (a PEM file)
-// has results, because anybody could have written another one. Reads the whole file: as long as the
+// has results and attempts, because anybody could have written another one. Reads the whole file: as long as the
 // disk needs, and some 2 us a step.
 enum result session_score_trace(const char *trace, const char *authority, scene_finder find,
                                 void *user, struct session_score *out, struct error *err);

@@ -5,12 +5,10 @@
 #include "base/log.h"
 #include "runtime/attempt_state.h"
 #include "runtime/reply.h"
-#include "store/attempts.h"
+#include "sessions/attempt_rows.h"
 #include "store/courses.h"
 #include "store/exams.h"
-#include "task/tell.h"
 
-#include <openssl/evp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -242,47 +240,9 @@ static void log_end(const struct sessions *s, int station, const struct session_
              attempt_time_s(&a->attempt), outcome.errors);
 }
 
-static void hash_file(const struct task_file *file, char out[STORE_HASH_MAX]) {
-    uint8_t hash[EVP_MAX_MD_SIZE];
-    unsigned size = 0;
-    int done = EVP_Digest(file->text, file->size, hash, &size, EVP_sha256(), NULL);
-    NEED(done, "memory");
-    for (unsigned i = 0; i < size; i++)
-        snprintf(out + 2 * (size_t)i, 3, "%02x", hash[i]);
-}
-
 static void put_row(struct sessions *s, const struct open_attempt *open) {
-    const struct session_attempt *a = &open->runtime;
-    const struct task_file *file = shared_site_file(a->site);
-    const struct site *site = shared_site_site(a->site);
-    struct trace_outcome outcome;
     struct attempt_row *row = alloc(1, sizeof *row);
-    attempt_outcome(a, &outcome);
-    *row = (struct attempt_row){
-        .number = (int)a->number,
-        .task_version = file->task.version,
-        .first_step = outcome.first_step,
-        .last_step = outcome.last_step,
-        .begun_utc_ns = open->start_utc_ns + a->begun_ns,
-        .time_s = attempt_time_s(&a->attempt),
-        .goals = file->task.goal_count,
-        .goals_met = (int)outcome.goals_met,
-        .errors = (int)outcome.errors,
-        .sentinel = outcome.end == ATTEMPT_SENTINEL,
-        .pass_time_s = a->pass_time_s,
-        .pass_errors = a->pass_errors,
-        .mark_version = a->mark_version,
-    };
-    memcpy(row->session, open->session, sizeof row->session);
-    snprintf(row->task, sizeof row->task, "%s", file->task.name);
-    snprintf(row->title, sizeof row->title, "%s", file->task.title);
-    snprintf(row->purpose, sizeof row->purpose, "%s", attempt_purpose_name(a->purpose));
-    snprintf(row->hand, sizeof row->hand, "%s", attempt_hand_name(a->hand));
-    snprintf(row->verdict, sizeof row->verdict, "%s", verdict_name(outcome.verdict));
-    snprintf(row->end, sizeof row->end, "%s", attempt_end_name(outcome.end));
-    hash_file(file, row->file_hash);
-    tell_figures(site, &a->attempt, row->figures, sizeof row->figures);
-    tell_occurrences(site, &a->attempt, row->occurrences, sizeof row->occurrences);
+    attempt_row_of(&open->runtime, open->session, open->start_utc_ns, row);
     recorder_attempt(s->recorder, row);
     free(row);
 }

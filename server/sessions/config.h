@@ -52,7 +52,7 @@ struct sessions_config {
     int calibration_days;
     double calibration_mm, calibration_deg;
     // As the recorder calls it (records/recorder.h).
-    void (*attempt_written)(void *user, struct store *store, const struct attempt_row *attempt);
+    void (*attempt_written)(void *user, struct store *store, const char *session, int number);
     void *attempt_user;
     struct session_settings settings;
     int instrument_count; // whose bodies are not by their places in `settings`

@@ -1,3 +1,4 @@
+#include "sessions/attempt_rows.h"
 #include "sessions/sessions.h"
 
 #include "base/check.h"
@@ -164,6 +165,7 @@ static void start_recorder(struct sessions *s) {
         .traces_dir = s->config.traces_dir,
         .authority = authority,
         .find = find_scene,
+        .read_attempts = attempt_rows_read,
         .user = s,
         .signer = s->trace_signer,
         .attempt_written = s->config.attempt_written,

@@ -119,10 +119,29 @@ static enum result find_session(struct store *store, const char *session, int64_
     return result == RESULT_MISSING ? RESULT_OK : result;
 }
 
-enum result store_attempt_add(struct store *store, const struct attempt_row *row,
+static enum result put_new(struct store *store, int64_t session_id, const struct attempt_row *row,
+                           bool *out_new, struct error *err) {
+    int64_t id;
+    enum result result =
+        store_find(store, "SELECT id FROM attempt WHERE session_id = ? AND number = ?", &id, err,
+                   "ii", session_id, (int64_t)row->number);
+    *out_new = result == RESULT_MISSING;
+    return *out_new || result == RESULT_OK ? put_attempt(store, session_id, row, err) : result;
+}
+
+enum result store_attempt_count(struct store *store, const char *session, int64_t *out_count,
+                                struct error *err) {
+    return store_find(store,
+                      "SELECT count(*) FROM attempt a JOIN session s ON s.id = a.session_id "
+                      "WHERE s.uuid = ?",
+                      out_count, err, "t", session);
+}
+
+enum result store_attempt_add(struct store *store, const struct attempt_row *row, bool *out_new,
                               struct error *err) {
     int64_t session_id;
     bool erased = false;
+    *out_new = false;
     enum result result = check_texts(row, err);
     if (result == RESULT_OK)
         result = check_numbers(row, err);
@@ -136,7 +155,7 @@ enum result store_attempt_add(struct store *store, const struct attempt_row *row
         return result;
     result = find_session(store, row->session, &session_id, &erased, err);
     if (result == RESULT_OK && !erased)
-        result = put_attempt(store, session_id, row, err);
+        result = put_new(store, session_id, row, out_new, err);
     if (result == RESULT_OK && !erased && !strcmp(row->purpose, "exam"))
         result = join_exam(store, session_id, row, err);
     return store_end(store, result, err);

@@ -33,13 +33,17 @@ struct attempt_row {
     char occurrences[ATTEMPT_OCCURRENCES_TEXT_MAX]; // a JSON array; empty: none
 };
 
-// Replaces an attempt of the same session and number. An attempt for an exam that has begun joins
+// Replaces an attempt of the same session and number; *out_new: there was none. An attempt for an exam that has begun joins
 // it: the first at the task, on the case and with the hand that the exam names.
 //
 // RESULT_MISSING: the records have no such session. An attempt of a trainee who was erased is not
 // kept, which is no error.
-enum result store_attempt_add(struct store *store, const struct attempt_row *row,
+enum result store_attempt_add(struct store *store, const struct attempt_row *row, bool *out_new,
                               struct error *err);
+
+// Of a session that the records may lack: 0.
+enum result store_attempt_count(struct store *store, const char *session, int64_t *out_count,
+                                struct error *err);
 
 // A NULL field, and a time of 0, matches every attempt. course: of its trainees.
 struct attempt_filter {

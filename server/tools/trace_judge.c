@@ -76,7 +76,7 @@ struct held {
 
 // The task with the mark that the attempt was judged by.
 static struct task marked(const struct judged_attempt *judged) {
-    struct task task = *judged->task;
+    struct task task = judged->file->task;
     task.pass_time_s = judged->begun->pass_time_s;
     task.pass_errors = (int)judged->begun->pass_errors;
     return task;

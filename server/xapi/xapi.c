@@ -106,7 +106,7 @@ static enum result add(struct xapi *x, const json_t *statement, struct error *er
     return result;
 }
 
-void xapi_attempt_ended(struct xapi *x, struct store *store, const char *session, int number) {
+void xapi_attempt_told(struct xapi *x, struct store *store, const char *session, int number) {
     struct error err;
     const struct xapi_naming naming = {x->site, x->names};
     const struct attempt_filter filter = {.session = session, .number = number, .limit = 1};

@@ -90,6 +90,22 @@ class Attempts(SystemTest):
         info = call_json("arthron-trace", "info", self.trace)
         self.assertEqual([one["verdict"] for one in info["attempts"]], [first["verdict"], "not yet", "not yet"])
         self.assertEqual(info["resumes"], 1)
+        self.other_records_get_the_same_rows()
+
+    def rows(self):
+        try:
+            with sqlite3.connect(f"file:{self.path('records.db')}?mode=ro", uri=True) as records:
+                return records.execute("SELECT s.uuid, a.* FROM attempt a JOIN session s ON s.id = a.session_id "
+                                       "ORDER BY number").fetchall()
+        except sqlite3.OperationalError:  # they are just made
+            return []
+
+    def other_records_get_the_same_rows(self):
+        before = self.rows()
+        os.remove(self.path("records.db"))
+        self.restart()
+        wait_until("the rows", lambda: len(self.rows()) == len(before))
+        self.assertEqual([row[:1] + row[3:] for row in self.rows()], [row[:1] + row[3:] for row in before])
 
     def station_config(self, name="room-1", datagrams="yes", keys=None):
         path = super().station_config(name, datagrams, keys)

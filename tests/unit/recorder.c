@@ -183,10 +183,11 @@ static void a_large_one_is_read_when_the_server_is_back(void **state) {
     assert_recorded(steps);
 }
 
-static void take_written(void *user, struct store *store, const struct attempt_row *attempt) {
+static void take_written(void *user, struct store *store, const char *session, int number) {
     int *numbers = user;
+    assert_string_equal(session, a_session(1).id);
     assert_int_equal(row_count(store, LIST_ATTEMPTS), 1); // it is there already
-    *numbers = 10 * *numbers + attempt->number;
+    *numbers = 10 * *numbers + number;
 }
 
 static void who_waits_for_attempts_hears_of_those_that_were_written(void **state) {
@@ -205,6 +206,7 @@ static void who_waits_for_attempts_hears_of_those_that_were_written(void **state
     recorder_put(recorder, &session);
     recorder_attempt(recorder, &unknown);
     recorder_attempt(recorder, &known);
+    recorder_attempt(recorder, &known); // as after a restart
     recorder_stop(&recorder);
     assert_int_equal(numbers, 7);
 }
@@ -261,8 +263,31 @@ static void a_session_whose_trace_is_being_written_is_not_removed(void **state) 
 // ---- whose traces
 // ---------------------------------------------------------------------------------
 
+static void make_keys(char keys[FOLDER_MAX]) {
+    static const char *const hosts[] = {"localhost"};
+    struct error err;
+    folder_make(keys);
+    folder_remove(keys); // the authority makes it
+    assert_int_equal(authority_init(keys, hosts, 1, &err), RESULT_OK);
+    snprintf(authority, sizeof authority, "%s/authority.pem", keys);
+}
+
+static void append_attempts(struct trace_writer *writer, uint32_t count) {
+    for (uint32_t i = 1; i <= count; i++) {
+        const struct trace_attempt begun = {.number = i,
+                                            .task = "centring",
+                                            .pass_time_s = 75,
+                                            .size = 6,
+                                            .text = "[task]"};
+        const struct trace_outcome ended = {
+            .number = i, .end = ATTEMPT_LEFT, .verdict = VERDICT_NOT_YET};
+        assert_true(trace_append_begun(writer, &begun));
+        assert_true(trace_append_ended(writer, &ended));
+    }
+}
+
 // A server's keys, and a trace of five steps that it closed; none: nobody signed it.
-static void write_signed(const char *keys) {
+static void write_with_attempts(const char *keys, uint32_t attempts) {
     struct signer *signer = NULL;
     struct trace_signer vouches = {0};
     struct trace_header header = some_header();
@@ -279,8 +304,13 @@ static void write_signed(const char *keys) {
                      RESULT_OK);
     for (uint64_t n = 1; n <= 5; n++)
         assert_true(append_step(writer, n));
+    append_attempts(writer, attempts);
     trace_writer_destroy(&writer);
     signer_destroy(&signer);
+}
+
+static void write_signed(const char *keys) {
+    write_with_attempts(keys, 0);
 }
 
 static int results_of_the_trace(void) {
@@ -329,15 +359,10 @@ static void a_disk_that_fails_is_no_end_of_a_trace(void **state) {
 
 static void only_a_trace_that_this_server_signed_has_results(void **state) {
     (void)state;
-    static const char *const hosts[] = {"localhost"};
     char keys[2][FOLDER_MAX];
     struct error err;
-    for (int i = 0; i < 2; i++) {
-        folder_make(keys[i]);
-        folder_remove(keys[i]); // the authority makes it
-        assert_int_equal(authority_init(keys[i], hosts, 1, &err), RESULT_OK);
-    }
-    snprintf(authority, sizeof authority, "%s/authority.pem", keys[0]);
+    make_keys(keys[1]);
+    make_keys(keys[0]);
     write_signed(keys[0]);
     assert_true(results_of_the_trace() > 0);
     assert_int_equal(truncate(path, 4000), 0); // as a server that was killed leaves it
@@ -391,6 +416,81 @@ static void records_that_are_replaced_under_the_same_number_are_noticed(void **s
     recorder_stop(&recorder);
     assert_recorded(steps);
     free(empty);
+}
+
+// It ended before the recorder looked at the traces again.
+static void an_attempt_that_ends_as_records_are_replaced_is_kept(void **state) {
+    (void)state;
+    size_t size;
+    struct store_session session = a_session(1);
+    struct attempt_row attempt = an_attempt(session.id, 7);
+    session.state = STATE_OPEN;
+    session.end_utc_ns = 0;
+    void *empty = get_file("records.db", &size);
+    struct recorder *recorder = start();
+    recorder_put(recorder, &session);
+    for (int i = 0; i < 250 && !rows_in_the_records(); i++)
+        usleep(20000);
+    assert_int_equal(rows_in_the_records(), 1);
+    write_over(empty, size);
+    recorder_attempt(recorder, &attempt);
+    recorder_stop(&recorder);
+    struct store *store = open_records();
+    assert_int_equal(row_count(store, LIST_ATTEMPTS), 1);
+    store_close(&store);
+    free(empty);
+}
+
+// ---- attempts of traces -------------------------------------------------------------------------
+
+static int reads;
+
+static void read_two(const char *trace, const struct scene *scene, attempt_row_taker take,
+                     void *user) {
+    struct store_session session;
+    struct trace_header header = some_header();
+    assert_string_equal(trace, path);
+    assert_null(scene);
+    session_row_begin(&header, trace, &session);
+    for (int i = 1; i <= 2; i++) {
+        const struct attempt_row row = an_attempt(session.id, i);
+        take(user, &row);
+    }
+    reads++;
+}
+
+static int attempts_of_the_trace(const char *keys) {
+    char copy[sizeof path];
+    const struct recorder_config config = {.records = store_path,
+                                           .traces_dir = dirname(strcpy(copy, path)),
+                                           .authority = authority,
+                                           .find = no_scene,
+                                           .read_attempts = read_two};
+    write_with_attempts(keys, 2);
+    struct recorder *recorder = recorder_start(&config);
+    for (int i = 0; i < 600 && !is_read(); i++)
+        usleep(5000);
+    assert_true(is_read());
+    recorder_stop(&recorder);
+    struct store *store = open_records();
+    int count = row_count(store, LIST_ATTEMPTS);
+    store_close(&store);
+    return count;
+}
+
+static void attempts_of_a_trace_that_is_taken_over_get_their_rows(void **state) {
+    (void)state;
+    char keys[FOLDER_MAX];
+    make_keys(keys);
+    assert_int_equal(attempts_of_the_trace(NULL), 0); // anybody could have written it
+    assert_int_equal(reads, 0);
+    assert_true(sql_passes("records.db", "UPDATE session SET trace_xxh3 = NULL"));
+    assert_int_equal(attempts_of_the_trace(keys), 2);
+    assert_int_equal(reads, 1);
+    assert_true(sql_passes("records.db", "UPDATE session SET trace_xxh3 = NULL"));
+    assert_int_equal(attempts_of_the_trace(keys), 2);
+    assert_int_equal(reads, 1); // the records have them
+    folder_remove(keys);
 }
 
 // ---- the audit log ------------------------------------------------------------------------------
@@ -459,6 +559,10 @@ int main(void) {
         cmocka_unit_test_setup_teardown(only_a_trace_that_this_server_signed_has_results, begin,
                                         end),
         cmocka_unit_test_setup_teardown(records_that_are_replaced_under_the_same_number_are_noticed,
+                                        begin, end),
+        cmocka_unit_test_setup_teardown(an_attempt_that_ends_as_records_are_replaced_is_kept, begin,
+                                        end),
+        cmocka_unit_test_setup_teardown(attempts_of_a_trace_that_is_taken_over_get_their_rows,
                                         begin, end),
         cmocka_unit_test_setup_teardown(a_large_one_is_read_when_the_server_is_back, begin, end),
     };

@@ -11,6 +11,7 @@
 
 static struct store *store;
 static struct error err;
+static bool is_new;
 
 #define ADA "00000000000000000000000000000001"
 #define EVE "00000000000000000000000000000002"
@@ -34,7 +35,7 @@ static int end(void **state) {
 
 static void put(const char *session, int number) {
     const struct attempt_row row = an_attempt(session, number);
-    assert_ok(store_attempt_add(store, &row, &err));
+    assert_ok(store_attempt_add(store, &row, &is_new, &err));
 }
 
 // "1.2 2.1": session and number of each.
@@ -76,7 +77,7 @@ static void an_attempt_is_kept_as_it_was(void **state) {
     row.mark_version = 2;
     snprintf(row.verdict, sizeof row.verdict, "not yet");
     snprintf(row.end, sizeof row.end, "sentinel error");
-    assert_ok(store_attempt_add(store, &row, &err));
+    assert_ok(store_attempt_add(store, &row, &is_new, &err));
     assert_string_equal(
         rows_of(store, LIST_ATTEMPTS, ADA),
         "session=" ADA "|number=3|station=room-1|trainee=ada|trainee_number=1|task=centring|task_version=1|"
@@ -94,7 +95,9 @@ static void one_of_the_same_number_replaces_it(void **state) {
     put(ADA, 1);
     struct attempt_row row = an_attempt(ADA, 1);
     row.time_s = 41.5;
-    assert_ok(store_attempt_add(store, &row, &err));
+    assert_true(is_new);
+    assert_ok(store_attempt_add(store, &row, &is_new, &err));
+    assert_false(is_new);
     assert_int_equal(attempts(), 1);
     assert_non_null(strstr(rows_of(store, LIST_ATTEMPTS, ADA), "|time_s=41.5|"));
     assert_non_null(strstr(rows_of(store, LIST_ATTEMPTS, ADA), "|figures={}|occurrences=[]\n"));
@@ -107,7 +110,7 @@ static void a_filter_finds_the_newest_first(void **state) {
     struct attempt_row row = an_attempt(ADA, 3);
     snprintf(row.task, sizeof row.task, "probing");
     snprintf(row.hand, sizeof row.hand, "left");
-    assert_ok(store_attempt_add(store, &row, &err));
+    assert_ok(store_attempt_add(store, &row, &is_new, &err));
     assert_string_equal(found((struct attempt_filter){0}), "1.3 2.2 1.1");
     assert_string_equal(found((struct attempt_filter){.limit = 2}), "1.3 2.2");
     assert_string_equal(found((struct attempt_filter){.course = "autumn"}), "1.3 1.1");
@@ -165,7 +168,7 @@ static void what_is_wrong_is_refused(void **state) {
             snprintf(field, rows[i].size, "%s", (const char *)rows[i].value);
         else
             memcpy(field, rows[i].value, rows[i].size);
-        enum result result = store_attempt_add(store, &row, &err);
+        enum result result = store_attempt_add(store, &row, &is_new, &err);
         if (result != rows[i].result)
             fail_msg("row %zu: %d: %s", i, result, err.text);
     }

@@ -15,6 +15,7 @@
 
 static struct store *store;
 static struct error err;
+static bool is_new;
 static char path[FOLDER_MAX + 32];
 
 static int begin(void **state) {
@@ -39,9 +40,9 @@ static json_t *written(const struct attempt_row *row, bool names) {
     struct xapi *xapi;
     snprintf(settings.file, sizeof settings.file, "%s", path);
     unlink(path);
-    assert_ok(store_attempt_add(store, row, &err));
+    assert_ok(store_attempt_add(store, row, &is_new, &err));
     assert_ok(xapi_start(&settings, &xapi, &err));
-    xapi_attempt_ended(xapi, store, row->session, row->number);
+    xapi_attempt_told(xapi, store, row->session, row->number);
     xapi_stop(&xapi);
     return json_load_file(path, JSON_DISABLE_EOF_CHECK, NULL);
 }

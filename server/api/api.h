@@ -11,6 +11,8 @@
 
 #include <stdio.h>
 
+struct store;
+
 // knee: as the server has loaded it; NULL: the case is read here. refusal: why the server could not
 // load it, so that `knee` is another; empty or NULL: it could.
 struct api_case {
@@ -51,6 +53,9 @@ struct api_config {
     // A command to a running session; it waits. From any thread.
     void (*command)(void *user, const char *actor, const arthron_Command *command,
                     arthron_CommandReply *out_reply);
+    // Each attempt of an exam that was just released; NULL: nobody wants to know. From any thread.
+    void (*attempt_released)(void *user, struct store *store, const char *session, int number);
+    void *attempt_user;
 };
 
 struct api;

@@ -515,6 +515,22 @@ static enum result make_release(void *user, struct exam_result *out, struct erro
     return result == RESULT_OK ? seal_result(release->call->api, release->id, out, err) : result;
 }
 
+static void tell_released(struct api_call *call, int64_t id) {
+    const struct api_config *config = &call->api->config;
+    char key[24];
+    json_t *items = json_array(), *item;
+    size_t i;
+    snprintf(key, sizeof key, "%lld", (long long)id);
+    if (config->attempt_released)
+        store_rows(call->store, LIST_EXAM_TASKS, key, call_take_row, items, NULL);
+    json_array_foreach(items, i, item) {
+        if (text_of(item, "session")[0])
+            config->attempt_released(config->attempt_user, call->store, text_of(item, "session"),
+                                     (int)json_integer_value(json_object_get(item, "number")));
+    }
+    json_decref(items);
+}
+
 void post_exam_release(struct api_call *call) {
     static const char *const fields[] = {"incomplete", NULL};
     struct release release = {.call = call};
@@ -524,6 +540,8 @@ void post_exam_release(struct api_call *call) {
     bool incomplete = json_is_true(json_object_get(call->body, "incomplete"));
     enum result result =
         store_release_exam(call->store, release.id, incomplete, make_release, &release, &err);
+    if (result == RESULT_OK)
+        tell_released(call, release.id);
     if (call_check(call, result, &err))
         answer_exam(call, 200, release.id);
     free(release.text);

@@ -205,6 +205,8 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
         .report = write_report,
         .command = sessions_command,
         .user = sessions,
+        .attempt_released = served->attempt_written,
+        .attempt_user = served->attempt_user,
         .check_case = served->check_case,
         .port = served->port,
         .tasks = library_tasks(sessions_tasks(sessions)),

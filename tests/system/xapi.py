@@ -14,7 +14,8 @@ import time
 import unittest
 import uuid
 
-from arthron import SystemTest, call, free_port, text_of, wait_until
+from arthron import call, free_port, text_of, wait_until
+from asking import Asking
 
 PASSWORD = "correct horse"
 
@@ -116,7 +117,7 @@ class Answer(http.server.BaseHTTPRequestHandler):
         self.end_headers()
 
 
-class Xapi(SystemTest):
+class Xapi(Asking):
     def setUp(self):
         super().setUp()
         self.outbox = os.path.join(self.folder, "statements.jsonl")
@@ -274,11 +275,18 @@ class Xapi(SystemTest):
         self.end(sender)
         self.assertLess(time.monotonic() - begun, 10)
 
-    def server_with(self, **keys):
+    def section(self, **keys):
         """The config of a server with this outbox."""
         keys = {"file": self.outbox, "server": f"https://127.0.0.1:{self.store_port}/lrs/xapi", "user": "arthron",
                 "password": self.password, "authority": self.authority, **keys}
-        return "records = records.db\n[xapi]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items())
+        return "[xapi]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items())
+
+    def server_with(self, **keys):
+        return "records = records.db\n" + self.section(**keys)
+
+    def states(self):
+        with sqlite3.connect(self.path("records.db")) as records:
+            return records.execute("SELECT state FROM session").fetchall()
 
     def test_the_server_brings_what_waited_and_lives_and_ends_while_the_store_hangs(self):
         with open(self.outbox, "w") as f:
@@ -296,13 +304,13 @@ class Xapi(SystemTest):
         self.wait_for(store.statements, 60)
         self.end(last)
 
-    def test_attempts_in_a_session_are_statements_as_they_end_and_exams_are_not(self):
+    def test_attempts_in_a_session_are_statements_as_they_end_and_exams_as_they_are_released(self):
         os.mkdir(self.path("tasks"))
         self.write("tasks/look.ini", TASK)
         store = self.open_store("fail", "die_when_taken")
         self.start_mockup()
-        server = self.start_server("[station room-1]\ncase = healthy\ntrainee = ada\n",
-                                   "tasks = tasks\n" + self.server_with(site="https://hall.example/arthron"))
+        server = self.serve_web("[station room-1]\ncase = healthy\ntrainee = ada\n",
+                                "tasks = tasks\n" + self.section(site="https://hall.example/arthron"))
         self.enrol("room-1")
         self.start_station()
         wait_until("a session", lambda: self.sessions() and self.session()["steps"] > 20)
@@ -315,10 +323,14 @@ class Xapi(SystemTest):
             self.session_command("begin", "room-1", "look", *more)
             self.session_command("leave", "room-1")
         wait_until("both statements", lambda: len(store.statements) == 2)
+        self.session_command("stop", "room-1")
+        wait_until("its end", lambda: "'closed'" in str(self.states()))
+        self.ask("POST", "/exams/1/release", {}, self.make_first(server))
+        wait_until("the exam's", lambda: len(store.statements) == 3)
         server.end()
         self.assertEqual([], store.wrong)
         namespace = uuid.UUID(session[:12] + "4" + session[13:16] + "89ab"[int(session[16], 16) & 3] + session[17:])
-        self.assertEqual([str(uuid.uuid5(namespace, f"attempt {n}")) for n in (1, 3)], list(store.statements))
+        self.assertEqual([str(uuid.uuid5(namespace, f"attempt {n}")) for n in (1, 3, 2)], list(store.statements))
         for statement in store.statements.values():
             self.assertEqual({"homePage": "https://hall.example/arthron", "name": "trainee-1"},
                              statement["actor"]["account"])

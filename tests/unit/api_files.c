@@ -144,10 +144,19 @@ static void obey(void *user, const char *actor, const arthron_Command *command,
              own ? "station room-1: no attempt runs" : "it has no session of yours");
 }
 
+int api_released;
+
+static void take_released(void *user, struct store *store, const char *session, int number) {
+    (void)user, (void)store;
+    assert_string_equal(session, SESSION_ADA);
+    api_released += number > 0;
+}
+
 void api_restart(void) {
     static const char link[] = "https://server.example.org:4880/";
     const struct api_config config = {records, keys, link, cases,       2,     stations, 2,
-                                      report,  4810, NULL, api_checker, tasks, 2,        obey};
+                                      report,  4810, NULL, api_checker, tasks, 2,        obey,
+                                      take_released};
     api_destroy(&the_api);
     assert_ok(api_create(&config, &the_api, &err));
 }

@@ -38,6 +38,9 @@ void api_restart(void);
 extern case_checker api_checker;
 extern void (*api_on_report)(void);
 
+// The attempts of exams that were released.
+extern int api_released;
+
 void api_wait_for_cases(const char *token); // until all are read
 
 const char *in_api(const char *name);           // a path in the folder; good for four calls

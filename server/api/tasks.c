@@ -4,6 +4,7 @@
 #include "api/values.h"
 #include "base/check.h"
 #include "curve/groups.h"
+#include "curve/quartiles.h"
 #include "store/attempts.h"
 
 #include <math.h>
@@ -269,16 +270,57 @@ void get_trials(struct api_call *call) {
 
 // ---- a mark of two groups -----------------------------------------------------------------------
 
+// One figure for each person: the median time of the attempts that met all goals.
+struct group {
+    json_t *times; // lists, by the trainee's name
+    int count;
+    double figures[TRIALS_MAX];
+};
+
+static void take_time(void *user, const struct store_cell *cells, int count) {
+    struct group *group = user;
+    const char *trainee = cell_of(cells, count, "trainee")->text;
+    if (strcmp(cell_of(cells, count, "end")->text, "done") != 0)
+        return;
+    if (!json_object_get(group->times, trainee))
+        json_object_set_new(group->times, trainee, json_array());
+    json_array_append_new(json_object_get(group->times, trainee),
+                          json_real(cell_of(cells, count, "time_s")->real));
+}
+
 // False after a refusal.
 static bool read_group(struct api_call *call, const char *task, const char *course,
-                       struct trials *out) {
+                       struct group *out) {
     struct error err = {""};
     const struct attempt_filter filter = {
         .task = task, .purpose = "practice", .course = course, .limit = TRIALS_MAX};
-    out->all = json_array();
-    enum result result = store_attempt_list(call->store, &filter, take_trial, out, &err);
-    json_decref(out->all);
+    enum result result = store_attempt_list(call->store, &filter, take_time, out, &err);
     return call_check(call, result, &err);
+}
+
+static double median_of(const json_t *times) {
+    double sorted[TRIALS_MAX];
+    int count = 0;
+    size_t i;
+    json_t *time;
+    json_array_foreach(times, i, time) {
+        double s = json_real_value(time);
+        int at = count++;
+        for (; at && sorted[at - 1] > s; at--)
+            sorted[at] = sorted[at - 1];
+        sorted[at] = s;
+    }
+    return sorted_quantile(sorted, count, 0.5);
+}
+
+// Members of both courses are in no group.
+static void take_figures(struct group *group, const json_t *others) {
+    const char *trainee;
+    json_t *times;
+    json_object_foreach(group->times, trainee, times) {
+        if (!json_object_get(others, trainee))
+            group->figures[group->count++] = median_of(times);
+    }
 }
 
 static json_t *group_json(int count, const struct group_shape *shape) {
@@ -288,12 +330,12 @@ static json_t *group_json(int count, const struct group_shape *shape) {
 }
 
 // Groups that give no mark are told why; it is no fault of the request.
-static void answer_contrast(struct api_call *call, const struct trials *upper,
-                            const struct trials *lower) {
+static void answer_contrast(struct api_call *call, const struct group *upper,
+                            const struct group *lower) {
     struct contrasting_groups groups;
     struct error err = {""};
-    enum result result = contrasting_groups(lower->times, lower->count, upper->times, upper->count,
-                                            true, &groups, &err);
+    enum result result = contrasting_groups(lower->figures, lower->count, upper->figures,
+                                            upper->count, true, &groups, &err);
     bool is = result == RESULT_OK;
     if (!is && result != RESULT_REFUSED) {
         call_check(call, result, &err);
@@ -321,9 +363,16 @@ void get_contrast(struct api_call *call) {
                         "The parameter '%s' is missing: the name of a course.", query.names[i]);
             return;
         }
-    struct trials *groups = alloc(2, sizeof *groups);
-    if (read_group(call, task->name, call_parameter(&query, UPPER), &groups[0]) &&
-        read_group(call, task->name, call_parameter(&query, LOWER), &groups[1]))
-        answer_contrast(call, &groups[0], &groups[1]);
+    struct group *groups = alloc(2, sizeof *groups), *upper = &groups[0], *lower = &groups[1];
+    upper->times = json_object();
+    lower->times = json_object();
+    if (read_group(call, task->name, call_parameter(&query, UPPER), upper) &&
+        read_group(call, task->name, call_parameter(&query, LOWER), lower)) {
+        take_figures(upper, lower->times);
+        take_figures(lower, upper->times);
+        answer_contrast(call, upper, lower);
+    }
+    json_decref(upper->times);
+    json_decref(lower->times);
     free(groups);
 }

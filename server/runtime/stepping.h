@@ -19,6 +19,8 @@ bool step_end(struct worker *worker, struct station_runtime *station);
 // Gives the session back as it is.
 void step_hand_over(struct worker *worker, struct station_runtime *station);
 void step_results(struct worker *worker); // lands the results of the cut worker
+// Lands what was cut when the server before this one was killed.
+void step_land_pending(struct worker *worker, struct station_runtime *station);
 
 // On the session's clock, which is the server's, unless the session began on an earlier server.
 int64_t step_now_ns(const struct station_runtime *station);
@@ -29,7 +31,3 @@ bool step_is_deserted(const struct worker *worker, const struct station_runtime 
 void step_announce(struct worker *worker, const struct station_runtime *station);
 // The same, with a text for a person.
 void step_tell(struct worker *worker, const struct station_runtime *station, const char *text);
-
-// Begins a new or resumed session.
-void step_begin(struct worker *worker, struct station_runtime *station,
-                struct session_runtime *session);

@@ -7,6 +7,7 @@
 #include "runtime/cut_worker.h"
 #include "runtime/frames.h"
 #include "runtime/markers.h"
+#include "runtime/session_begin.h"
 #include "runtime/stepping.h"
 
 #include <errno.h>
@@ -134,7 +135,7 @@ static void take_request(struct worker *worker, const struct worker_request *req
     struct runtime_notice notice = {
         .kind = NOTICE_TAKEN, .station = request->station, .ticket = request->ticket};
     if (request->kind == REQUEST_ATTACH) {
-        step_begin(worker, station, request->session);
+        session_begin(worker, station, request->session);
         return;
     }
     if (put_off_end(worker, station, request))

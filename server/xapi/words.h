@@ -1,7 +1,8 @@
 // What all xAPI statements of a site have in common.
 #pragma once
 
-#include "xapi/xapi.h"
+#include "base/result.h"
+#include "xapi/settings.h"
 
 #include <jansson.h>
 

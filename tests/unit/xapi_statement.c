@@ -4,6 +4,7 @@
 #include "test.h"
 #include "unit/store_files.h"
 #include "xapi/words.h"
+#include "xapi/xapi.h"
 
 #include <jansson.h>
 #include <stdio.h>

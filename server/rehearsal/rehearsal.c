@@ -263,9 +263,7 @@ static enum result prepare(struct knee_case *knee, struct error *err) {
 
 static enum result make_site(const struct task *task, const struct scene *scene,
                              struct site **out_site, struct error *err) {
-    struct view_optic optic = view_optic_usual();
-    if (!isnan(task->optic_deg))
-        optic.tilt_deg = task->optic_deg;
+    struct view_optic optic = task_optic(task);
     return site_create(task, scene, instruments_of_hands(), &optic, out_site, err);
 }
 

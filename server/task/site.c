@@ -271,6 +271,13 @@ bool site_sees(const struct site *site, const struct session_output *output, uin
 
 // ---- the whole ----------------------------------------------------------------------------------
 
+struct view_optic task_optic(const struct task *task) {
+    struct view_optic optic = view_optic_usual();
+    if (!isnan(task->optic_deg))
+        optic.tilt_deg = task->optic_deg;
+    return optic;
+}
+
 static enum result fits_optic(const struct task *task, const struct view_optic *optic,
                               struct error *err) {
     if (isnan(task->optic_deg) || task->optic_deg == optic->tilt_deg)

@@ -37,6 +37,8 @@ struct site_goal {
 
 struct site;
 
+struct view_optic task_optic(const struct task *task); // the usual one, tilted as the task needs
+
 // The task and the scene must outlive the site unchanged; any number of attempts on any threads
 // share one. RESULT_MISSING: the case has no such landmark, group or tool; the error names goal or
 // error, and key. RESULT_INVALID: a line is longer than 255 mm or leaves its surface, or the task

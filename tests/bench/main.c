@@ -23,7 +23,7 @@ static const struct bench {
     {"metrics", "how noise, rate and lost samples change a session's metrics", bench_metrics},
     {"paper", "what the paper shows, beside its own figures; as a page with --out", bench_paper},
     {"tasks",
-     "tasks by an expert's and a novice's hands; one verdict live, from the trace and run again",
+     "an expert's and a novice's hands at each task (NAME: only that one); one verdict in any life",
      bench_tasks},
     {"trace",
      "the record of a session: made, killed, replayed, exported, scored; or of traces (FILE)",

@@ -1,10 +1,13 @@
+// Tasks by an expert's and a novice's hands: whether they pass, whether the verdict is the same live,
+// over kills and from the trace, what judging costs, and whether the noise of a tracker changes it.
 #include "base/check.h"
 #include "base/clock.h"
 #include "bench.h"
 #include "folder.h"
 #include "generate/generate.h"
-#include "judging/judging.h"
 #include "landmarks/landmarks.h"
+#include "lives/lives.h"
+#include "random.h"
 #include "rehearsal/play.h"
 #include "rehearsal/rehearsal.h"
 #include "samples.h"
@@ -15,11 +18,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #define RATE_HZ 100.0
-#define RUNS 9
 #define NOVICES 3
+#define NOISES 3
+#define NOISE_MM 0.1 // root mean square, along each axis
+#define KILLS 2
+#define BLOCK 50 // steps that are timed together
 
 // Each task with the case that has what it is about.
 static const struct {
@@ -49,30 +54,26 @@ static const struct {
 
 struct measuring {
     struct report *report;
+    bool quick;
     char dir[FOLDER_MAX], path[FOLDER_MAX + 16]; // of the case; of the trace
+    const char *recipe;                          // that the case is made of
     struct task_file file;
     struct knee_case *knee;
     struct scene *scene;
     struct site *site;
-    struct trace_writer *writer;
-    uint64_t appended;
-    struct attempt judged;
-    int attempts, differences, experts, experts_passed, novices, novices_passed;
-    struct samples over_plain;
+    int tasks, attempts, kills, differences, flickers;
+    int experts, experts_passed, novices, novices_passed;
+    double over_plain; // of the dearest task
 };
 
 // ---- the case and the task ----------------------------------------------------------------------
 
-static enum result load(struct measuring *m, const char *name, const char *recipe_name,
-                        struct error *err) {
+static enum result generate(const struct measuring *m, const char *name, struct error *err) {
     char path[512];
     struct recipe recipe;
-    struct knee_case *made = NULL, *second = NULL;
-    snprintf(path, sizeof path, "%s/tasks/%s.ini", CASES, name);
-    enum result result = task_read(path, &m->file, err);
-    snprintf(path, sizeof path, "%s/%s", CASES, recipe_name);
-    if (result == RESULT_OK)
-        result = recipe_load(path, &recipe, err);
+    struct knee_case *made = NULL;
+    snprintf(path, sizeof path, "%s/%s", CASES, name);
+    enum result result = recipe_load(path, &recipe, err);
     if (result == RESULT_OK)
         result = generate_knee(&recipe, &made, err);
     if (result == RESULT_OK)
@@ -80,6 +81,21 @@ static enum result load(struct measuring *m, const char *name, const char *recip
     if (result == RESULT_OK)
         result = case_save(made, m->dir, err);
     case_destroy(&made);
+    return result;
+}
+
+static void drop_case(struct measuring *m) {
+    scene_destroy(&m->scene);
+    case_destroy(&m->knee);
+    m->recipe = NULL;
+}
+
+static enum result load_case(struct measuring *m, const char *recipe, struct error *err) {
+    struct knee_case *second = NULL;
+    if (m->recipe && !strcmp(m->recipe, recipe))
+        return RESULT_OK;
+    drop_case(m);
+    enum result result = generate(m, recipe, err);
     if (result == RESULT_OK)
         result = case_load(m->dir, NULL, &m->knee, err);
     if (result == RESULT_OK)
@@ -87,168 +103,236 @@ static enum result load(struct measuring *m, const char *name, const char *recip
     if (result == RESULT_OK)
         result = scene_create(&second, &m->scene, err);
     case_destroy(&second);
+    if (result == RESULT_OK)
+        m->recipe = recipe;
     return result;
 }
 
-static void unload(struct measuring *m) {
-    site_destroy(&m->site);
-    scene_destroy(&m->scene);
-    case_destroy(&m->knee);
+static enum result load(struct measuring *m, size_t row, struct error *err) {
+    char path[512];
+    snprintf(path, sizeof path, "%s/tasks/%s.ini", CASES, rows[row].task);
+    enum result result = task_read(path, &m->file, err);
+    if (result == RESULT_OK)
+        result = load_case(m, rows[row].recipe, err);
+    if (result != RESULT_OK)
+        return result;
+    struct view_optic optic = task_optic(&m->file.task);
+    return site_create(&m->file.task, m->scene, instruments_of_hands(), &optic, &m->site, err);
 }
 
-// ---- the same verdict, live, from the trace and after a restart ---------------------------------
+// ---- the same verdict, live, over kills and from the trace --------------------------------------
 
-static void append(void *user, const struct session_input *input,
-                   const struct session_output *output) {
-    struct measuring *m = user;
-    trace_append(m->writer, input, output);
-    if (++m->appended % 500 == 0) // a disk cannot keep up with steps in virtual time
-        nanosleep(&(struct timespec){.tv_nsec = 25 * NS_PER_MS}, NULL);
-}
-
-// Plays the motion again, and records it.
-static enum result record(struct measuring *m, const struct motion *motion,
-                          struct attempt *out_live, struct error *err) {
-    struct trace_header header = {.case_hash = scene_case(m->scene)->hash,
-                                  .settings = session_settings_default(),
-                                  .optic = *site_optic(m->site),
-                                  .loose_count = scene_case(m->scene)->loose_count};
-    header.settings.instruments = *site_tools(m->site);
-    struct trace_attempt begun = {.number = 1,
-                                  .pass_time_s = m->file.task.pass_time_s,
-                                  .pass_errors = (uint32_t)m->file.task.pass_errors,
-                                  .size = (uint32_t)m->file.size,
-                                  .text = m->file.text};
-    snprintf(begun.task, sizeof begun.task, "%s", m->file.task.name);
-    trace_header_set_machine(&header);
-    snprintf(m->path, sizeof m->path, "%s/one.trace", m->dir);
+static enum result live(struct measuring *m, const struct motion *motion, struct error *err) {
+    struct lives lives;
     remove(m->path);
-    enum result result = trace_writer_create(m->path, &header, NULL, &m->writer, err);
+    enum result result = lives_run(&m->file, m->scene, motion, RATE_HZ, m->quick ? 1 : KILLS, 1,
+                                   m->path, &lives, err);
     if (result != RESULT_OK)
         return result;
-    trace_append_begun(m->writer, &begun);
-    struct play_watch watch = {m, append};
-    play_motion(motion, RATE_HZ, m->scene, m->site, &watch, out_live);
-    trace_writer_destroy(&m->writer);
-    return RESULT_OK;
-}
-
-static void take(void *user, const struct judged_attempt *judged) {
-    ((struct measuring *)user)->judged = judged->attempt;
-}
-
-static enum result judge(struct measuring *m, struct error *err) {
-    struct trace_reader *reader = NULL;
-    struct attempt_taker taker = {.user = m, .take = take};
-    memset(&m->judged, 0, sizeof m->judged);
-    enum result result = trace_reader_create(m->path, &reader, err);
-    if (result == RESULT_OK)
-        result = judge_trace(reader, m->scene, &taker, err);
-    trace_reader_destroy(&reader);
-    attempt_leave(&m->judged);
-    return result == RESULT_CLOSED ? RESULT_OK : result;
-}
-
-// Runs the recorded inputs again in a new session, as a server does that was killed. with: NULL for
-// the session alone. Returns the time that the steps took, NAN after an error.
-static double run_again(struct measuring *m, struct attempt *with, struct error *err) {
-    struct trace_reader *reader = NULL;
-    struct trace_record record;
-    struct session_output output;
-    double s = 0;
-    if (trace_reader_create(m->path, &reader, err) != RESULT_OK)
-        return NAN;
-    trace_reader_bind(reader, m->scene);
-    struct rerun *rerun = rerun_create(m->scene, &trace_reader_header(reader)->settings);
-    if (with)
-        attempt_init(with);
-    while (trace_read(reader, &record, err) == RESULT_OK) {
-        if (record.type != TRACE_STEP)
-            continue;
-        int64_t begin_ns = clock_now_ns();
-        rerun_step(rerun, &record, &output);
-        if (with)
-            attempt_take(with, m->site, record.input.kind, &output);
-        s += 1e-9 * (double)(clock_now_ns() - begin_ns);
-    }
-    rerun_destroy(&rerun);
-    trace_reader_destroy(&reader);
-    if (with)
-        attempt_leave(with);
-    return s;
-}
-
-static enum result compare(struct measuring *m, const struct motion *motion, struct error *err) {
-    struct attempt live, again;
-    enum result result = record(m, motion, &live, err);
-    if (result == RESULT_OK)
-        result = judge(m, err);
-    if (result != RESULT_OK)
-        return result;
-    run_again(m, &again, err);
     m->attempts++;
-    m->differences += memcmp(&live, &m->judged, sizeof live) != 0;
-    m->differences += memcmp(&live, &again, sizeof live) != 0;
+    m->kills += lives.kills;
+    m->differences += lives.differences + (lives.verdict != lives.traced_verdict);
+    if (lives.differences)
+        report_figure(m->report, lives.differences, "", "%s/differences", m->file.task.name);
     return RESULT_OK;
 }
 
 // ---- a task's time in a step --------------------------------------------------------------------
 
-static void time_steps(struct measuring *m, struct error *err) {
-    struct samples with = {0}, without = {0};
+// A recorded session that is run again, with the task or without.
+struct half {
+    bool with;
+    struct trace_reader *reader;
+    struct rerun *rerun;
     struct attempt attempt;
-    for (int i = 0; i < RUNS; i++) {
-        samples_add(&without, run_again(m, NULL, err));
-        samples_add(&with, run_again(m, &attempt, err));
+};
+
+static enum result half_open(struct half *half, const struct measuring *m, bool with,
+                             struct error *err) {
+    enum result result = trace_reader_create(m->path, &half->reader, err);
+    if (result != RESULT_OK)
+        return result;
+    half->with = with;
+    trace_reader_bind(half->reader, m->scene);
+    half->rerun = rerun_create(m->scene, &trace_reader_header(half->reader)->settings);
+    attempt_init(&half->attempt);
+    return RESULT_OK;
+}
+
+static void half_close(struct half *half) {
+    if (half->rerun)
+        rerun_destroy(&half->rerun);
+    trace_reader_destroy(&half->reader);
+}
+
+// The time of the next steps; NAN at the trace's end. Steps that ask for a job are left out, as the
+// job runs within them here.
+static double run_block(struct half *half, const struct site *site) {
+    struct trace_record record;
+    struct session_output output;
+    double s = 0;
+    for (int steps = 0; steps < BLOCK;) {
+        if (trace_read(half->reader, &record, NULL) != RESULT_OK)
+            return NAN;
+        if (record.type != TRACE_STEP)
+            continue;
+        int64_t begin_ns = clock_now_ns();
+        rerun_step(half->rerun, &record, &output);
+        if (half->with)
+            attempt_take(&half->attempt, site, record.input.kind, &output);
+        s += output.job.id ? 0 : 1e-9 * (double)(clock_now_ns() - begin_ns);
+        steps++;
     }
-    samples_add(&m->over_plain, samples_quantile(&with, 0.5) / samples_quantile(&without, 0.5));
-    samples_fini(&with);
-    samples_fini(&without);
+    return s;
+}
+
+// Blocks of both in turns, so that whatever else the machine does slows both.
+static enum result time_steps(struct measuring *m, struct error *err) {
+    struct half plain = {0}, with = {0};
+    struct samples ratios = {0};
+    enum result result = half_open(&plain, m, false, err);
+    if (result == RESULT_OK)
+        result = half_open(&with, m, true, err);
+    for (int i = 0; result == RESULT_OK; i++) {
+        double first_s = run_block(i % 2 ? &plain : &with, m->site);
+        double second_s = run_block(i % 2 ? &with : &plain, m->site);
+        double ratio = i % 2 ? second_s / first_s : first_s / second_s;
+        if (!isfinite(ratio))
+            break;
+        samples_add(&ratios, ratio);
+    }
+    double median = samples_quantile(&ratios, 0.5);
+    if (result == RESULT_OK)
+        report_figure(m->report, median, "", "%s/step over plain", m->file.task.name);
+    m->over_plain = fmax(m->over_plain, median);
+    samples_fini(&ratios);
+    half_close(&plain);
+    half_close(&with);
+    return result;
+}
+
+// ---- the noise of a tracker ---------------------------------------------------------------------
+
+static void shake(struct motion *motion, uint64_t seed) {
+    struct random random = {seed};
+    for (size_t row = 0; row < motion->row_count; row++)
+        for (int tool = 0; tool < motion->tool_count; tool++) {
+            vec3 *tip = &motion->rows[row].tools[tool].T_mockup_tip.translation;
+            tip->x += NOISE_MM * random_normal(&random);
+            tip->y += NOISE_MM * random_normal(&random);
+            tip->z += NOISE_MM * random_normal(&random);
+        }
+}
+
+// What the noise made: errors, goals that are met in one of the two alone, another verdict.
+static int flickers(const struct measuring *m, const struct attempt *calm,
+                    const struct attempt *shaken) {
+    const struct task *task = &m->file.task;
+    int count = attempt_verdict(calm, task) != attempt_verdict(shaken, task);
+    for (int e = 0; e < task->error_count; e++)
+        for (int tool = 0; tool < INSTRUMENT_COUNT; tool++) {
+            int more = shaken->found[e][tool].count - calm->found[e][tool].count;
+            count += more > 0 ? more : 0;
+        }
+    for (int g = 0; g < task->goal_count; g++)
+        count += calm->goals[g].met != shaken->goals[g].met;
+    return count;
+}
+
+static void shake_hands(struct measuring *m, const struct rehearsal *calm) {
+    struct motion shaken = calm->motion;
+    struct attempt attempt;
+    size_t size = shaken.row_count * sizeof *shaken.rows;
+    shaken.rows = alloc(shaken.row_count, sizeof *shaken.rows);
+    for (uint64_t seed = 1; seed <= (m->quick ? 1 : NOISES); seed++) {
+        memcpy(shaken.rows, calm->motion.rows, size);
+        shake(&shaken, seed);
+        play_motion(&shaken, RATE_HZ, m->scene, m->site, NULL, &attempt);
+        int count = flickers(m, &calm->attempt, &attempt);
+        m->flickers += count;
+        if (count)
+            report_figure(m->report, count, "", "%s/flickers by noise %d", m->file.task.name,
+                          (int)seed);
+    }
+    free(shaken.rows);
 }
 
 // ---- one task -----------------------------------------------------------------------------------
 
-static enum result try_hands(struct measuring *m, enum hands hands, int64_t seed, bool *out_passed,
-                             struct error *err) {
-    struct rehearsal rehearsal;
+static bool has_passed(const struct measuring *m, enum hands hands, int64_t seed,
+                       const struct attempt *attempt) {
+    bool passed = attempt_verdict(attempt, &m->file.task) == VERDICT_PASSED;
+    report_figure(m->report, attempt_time_s(attempt), "s", "%s/%s %d/%s", m->file.task.name,
+                  hands == HANDS_EXPERT ? "expert" : "novice", (int)seed,
+                  passed ? "passed" : "not yet");
+    return passed;
+}
+
+static enum result try_expert(struct measuring *m, struct rehearsal *expert, struct error *err) {
     enum result result =
-        rehearse(&m->file.task, m->knee, m->scene, hands, seed, NULL, &rehearsal, err);
+        rehearse(&m->file.task, m->knee, m->scene, HANDS_EXPERT, 0, NULL, expert, err);
     if (result != RESULT_OK)
         return result;
-    *out_passed = attempt_verdict(&rehearsal.attempt, &m->file.task) == VERDICT_PASSED;
-    report_figure(m->report, attempt_time_s(&rehearsal.attempt), "s", "%s/%s %d/%s",
-                  m->file.task.name, hands == HANDS_EXPERT ? "expert" : "novice", (int)seed,
-                  *out_passed ? "passed" : "not yet");
-    if (seed <= 1)
-        result = compare(m, &rehearsal.motion, err);
-    rehearsal_fini(&rehearsal);
+    m->experts++;
+    m->experts_passed += has_passed(m, HANDS_EXPERT, 0, &expert->attempt);
+    shake_hands(m, expert);
+    result = live(m, &expert->motion, err);
+    return result == RESULT_OK ? time_steps(m, err) : result;
+}
+
+static enum result try_novice(struct measuring *m, const struct rehearsal *expert, int64_t seed,
+                              struct error *err) {
+    struct rehearsal novice;
+    enum result result =
+        rehearse_novice(&m->file.task, m->knee, m->scene, expert, seed, &novice, err);
+    if (result != RESULT_OK)
+        return result;
+    m->novices++;
+    m->novices_passed += has_passed(m, HANDS_NOVICE, seed, &novice.attempt);
+    if (seed == 1 && !m->quick)
+        result = live(m, &novice.motion, err);
+    rehearsal_fini(&novice);
     return result;
 }
 
-static enum result measure(struct measuring *m, size_t row, bool quick, struct error *err) {
-    struct view_optic optic = view_optic_usual();
-    bool passed;
-    enum result result = load(m, rows[row].task, rows[row].recipe, err);
-    if (!isnan(m->file.task.optic_deg))
-        optic.tilt_deg = m->file.task.optic_deg;
+// A novice's hands come of an expert's that met all goals.
+static enum result measure(struct measuring *m, size_t row, struct error *err) {
+    struct rehearsal expert = {0};
+    enum result result = load(m, row, err);
     if (result == RESULT_OK)
-        result =
-            site_create(&m->file.task, m->scene, instruments_of_hands(), &optic, &m->site, err);
-    if (result == RESULT_OK)
-        result = try_hands(m, HANDS_EXPERT, 0, &passed, err);
-    if (result == RESULT_OK) {
-        m->experts++;
-        m->experts_passed += passed;
-    }
-    if (result == RESULT_OK && rows[row].quick)
-        time_steps(m, err);
-    for (int seed = 1; seed <= (quick ? 1 : NOVICES) && result == RESULT_OK; seed++) {
-        result = try_hands(m, HANDS_NOVICE, seed, &passed, err);
-        m->novices++;
-        m->novices_passed += passed;
-    }
-    unload(m);
+        result = try_expert(m, &expert, err);
+    int novices = expert.goal >= 0 ? 0 : m->quick ? 1 : NOVICES;
+    for (int seed = 1; seed <= novices && result == RESULT_OK; seed++)
+        result = try_novice(m, &expert, seed, err);
+    rehearsal_fini(&expert);
+    site_destroy(&m->site);
+    m->tasks++;
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", rows[row].task);
+}
+
+static void tell(const struct measuring *m) {
+    struct report *report = m->report;
+    char extent[160];
+    snprintf(extent, sizeof extent, "%d of %d tasks, %d novice%s and %d noise%s at each%s", m->tasks,
+             (int)ROW_COUNT, m->quick ? 1 : NOVICES, m->quick ? "" : "s", m->quick ? 1 : NOISES,
+             m->quick ? "" : "s", m->quick ? " (--quick)" : "");
+    report_text(report, "extent", extent);
+    report_mark(report, "verdict_differences", m->differences, "", 0, BETTER_LOW);
+    report_mark(report, "task_step_over_plain", m->over_plain, "", 1.15, BETTER_LOW);
+    report_mark(report, "expert_pass_share", (double)m->experts_passed / m->experts, "", 1,
+                BETTER_HIGH);
+    report_mark(report, "novice_pass_share", (double)m->novices_passed / m->novices, "", 0,
+                BETTER_LOW);
+    report_mark(report, "flicker_events", m->flickers, "", 0, BETTER_LOW);
+    report_figure(report, m->attempts, "", "attempts compared");
+    report_figure(report, m->kills, "", "kills");
+}
+
+static bool is_wanted(const struct bench_options *options, size_t row) {
+    for (int i = 0; i < options->input_count; i++)
+        if (!strcmp(options->inputs[i], rows[row].task))
+            return true;
+    return !options->input_count && (rows[row].quick || !options->quick);
 }
 
 enum result bench_tasks(const struct bench_options *options, struct report *report,
@@ -256,19 +340,17 @@ enum result bench_tasks(const struct bench_options *options, struct report *repo
     struct measuring *m = alloc(1, sizeof *m);
     enum result result = RESULT_OK;
     m->report = report;
+    m->quick = options->quick;
     folder_make(m->dir);
+    snprintf(m->path, sizeof m->path, "%s/one.trace", m->dir);
     for (size_t i = 0; i < ROW_COUNT && result == RESULT_OK; i++)
-        if (rows[i].quick || !options->quick)
-            result = measure(m, i, options->quick, err);
-    report_mark(report, "verdict_differences", m->differences, "attempts", 0, BETTER_LOW);
-    report_mark(report, "task_step_over_plain", samples_quantile(&m->over_plain, 0.5), "", 1.15,
-                BETTER_LOW);
-    report_mark(report, "expert_pass_share", (double)m->experts_passed / m->experts, "", 1,
-                BETTER_HIGH);
-    report_mark(report, "novice_pass_share", (double)m->novices_passed / m->novices, "", 0,
-                BETTER_LOW);
-    report_figure(report, m->attempts, "attempts", "compared");
-    samples_fini(&m->over_plain);
+        if (is_wanted(options, i))
+            result = measure(m, i, err);
+    if (result == RESULT_OK && !m->tasks)
+        result = fail(err, RESULT_MISSING, "there is no such task");
+    if (result == RESULT_OK)
+        tell(m);
+    drop_case(m);
     folder_remove(m->dir);
     free(m);
     return result;

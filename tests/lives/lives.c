@@ -9,9 +9,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 #define TORN_BYTES 40 // less than the shortest record: a kill takes the last one
+#define AHEAD_BYTES ((uint64_t)1 << 20)
+#define JOB_NS (100 * NS_PER_MS)
 
 struct living {
     const struct task_file *file;
@@ -20,7 +23,9 @@ struct living {
     struct trace_writer *trace;
     struct session *session;
     struct operation *operation;
-    struct job_result *landing; // at the next step
+    struct job_result *landing;
+    int64_t lands_ns; // the earliest
+    uint64_t awaited; // of the trace: so much was appended when its disk was last waited for
     struct task task;           // of the site
     struct site *site;
     struct attempt attempt, before; // after the last step, and after the one before
@@ -29,22 +34,33 @@ struct living {
 
 // ---- steps --------------------------------------------------------------------------------------
 
+// Steps in virtual time come faster than any disk takes them.
+static void wait_for_disk(struct living *l) {
+    if (trace_position(l->trace) - l->awaited < AHEAD_BYTES)
+        return;
+    while (!trace_is_on_disk(l->trace, l->awaited))
+        nanosleep(&(struct timespec){.tv_nsec = NS_PER_MS}, NULL);
+    l->awaited = trace_position(l->trace);
+}
+
 static void step(struct living *l, const struct session_input *input) {
     struct session_output output;
     session_step(l->session, input, &output);
     CHECK(trace_append(l->trace, input, &output));
+    wait_for_disk(l);
     l->before = l->attempt;
     attempt_take(&l->attempt, l->site, input->kind, &output);
     l->lives->steps++;
     if (output.job.id) {
         job_result_destroy(&l->landing);
         l->landing = operation_run(l->operation, &output.job);
+        l->lands_ns = output.time_ns + JOB_NS;
     }
 }
 
 static void land(struct living *l, int64_t time_ns) {
     struct job_result *result = l->landing;
-    if (!result)
+    if (!result || time_ns < l->lands_ns)
         return;
     l->landing = NULL;
     step(l, &(struct session_input){
@@ -129,6 +145,8 @@ static void resume(struct living *l) {
     rerun_release(&r.rerun, &l->session, &l->operation, &l->landing);
     result = trace_writer_resume(l->path, &r.place, 0, NULL, &l->trace, NULL);
     CHECK(result == RESULT_OK);
+    l->awaited = trace_position(l->trace);
+    l->lands_ns = 0; // when it was asked for is lost
     trace_reader_destroy(&r.reader);
 }
 
@@ -157,11 +175,13 @@ static void kill_and_resume(struct living *l, struct random *random) {
 
 // ---- begin and end ------------------------------------------------------------------------------
 
-static struct trace_header header_of(const struct scene *scene) {
+static struct trace_header header_of(const struct scene *scene, const struct task *task) {
     struct trace_header header = {.start_ns = 1,
                                   .case_hash = scene_case(scene)->hash,
                                   .settings = session_settings_default(),
-                                  .optic = view_optic_usual()};
+                                  .optic = task_optic(task),
+                                  .loose_count = scene_case(scene)->loose_count};
+    header.settings.instruments = *instruments_of_hands();
     header.session_id[0] = 1;
     snprintf(header.case_name, sizeof header.case_name, "%s", scene_case(scene)->name);
     trace_header_set_machine(&header);
@@ -223,7 +243,7 @@ enum result lives_run(const struct task_file *file, const struct scene *scene,
     memset(out, 0, sizeof *out);
     struct living l = {
         .file = file, .scene = scene, .path = trace, .task = file->task, .lives = out};
-    struct trace_header header = header_of(scene);
+    struct trace_header header = header_of(scene, &file->task);
     enum result result =
         site_create(&l.task, scene, &header.settings.instruments, &header.optic, &l.site, err);
     if (result == RESULT_OK)

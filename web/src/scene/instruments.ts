@@ -2,7 +2,7 @@
 // handle, y the side to which an upper jaw opens and a blade's edge looks. The parts that cut have
 // the sizes that the cuts are made with (shared/base/instrument.h).
 import {
-  BoxGeometry, BufferAttribute, BufferGeometry, CylinderGeometry, Group, Matrix4, Mesh, SphereGeometry, TorusGeometry, type Material,
+  BoxGeometry, BufferAttribute, BufferGeometry, CylinderGeometry, Group, LatheGeometry, Mesh, SphereGeometry, TorusGeometry, Vector2, type Material,
 } from "three";
 import { Instrument_Kind, type Instrument } from "wire";
 
@@ -19,7 +19,7 @@ export interface Shape {
 }
 
 function merged(...parts: BufferGeometry[]): BufferGeometry {
-  const flat = parts.map((part) => part.toNonIndexed());
+  const flat = parts.map((part) => (part.index ? part.toNonIndexed() : part));
   const geometry = new BufferGeometry();
   for (const name of ["position", "normal"]) {
     const arrays = flat.map((part) => part.getAttribute(name).array);
@@ -39,8 +39,15 @@ function tube(radius: number, from: number, to: number, x = 0, y = 0, end = radi
   return new CylinderGeometry(end, radius, to - from, 20).rotateX(Math.PI / 2).translate(x, y, (from + to) / 2);
 }
 
-function shaftAndHandle(radius: number, from: number, y = 0): BufferGeometry[] {
-  return [tube(radius, -SHAFT, from, 0, y), tube(radius + 2.6, -SHAFT - HANDLE, -SHAFT, 0, y), tube(radius + 3.4, -SHAFT - 4, -SHAFT, 0, y)];
+// Turned on a lathe about z: radii at heights that grow, from an angle over another; 0 is at -y, towards x.
+function turned(profile: [radius: number, z: number][], from = 0, over = 2 * Math.PI, segments = 28): BufferGeometry {
+  return new LatheGeometry(profile.map(([radius, z]) => new Vector2(radius, z)), segments, from, over).rotateX(Math.PI / 2);
+}
+
+// Closed and tapered towards what works at its end.
+function shaftAndHandle(radius: number, to: number, y = 0, neck = 0.75 * radius): BufferGeometry[] {
+  return [turned([[radius, -SHAFT], [radius, to - 2.5], [neck, to], [0, to]]).translate(0, y, 0),
+    tube(radius + 2.6, -SHAFT - HANDLE, -SHAFT, 0, y), tube(radius + 3.4, -SHAFT - 4, -SHAFT, 0, y)];
 }
 
 function still(root: Group): Shape {
@@ -62,13 +69,28 @@ function probe(_: Instrument, material: Material): Shape {
   return still(group(new Mesh(merged(...shaftAndHandle(0.85, -1.1, HOOK), bend, hook, tip), material)));
 }
 
-function jaws({ lengthMm: length, widthMm: width, openingDeg }: Instrument, material: Material): Shape {
+const BITE = { teeth: 5, deep: 0.22, thick: 0.95 }; // of a jaw, mm
+
+// Half of a spindle of so much width, from z = 0 to its length; its flat side looks along y and is toothed.
+function halfSpindle(width: number, length: number): BufferGeometry {
   const half = width / 2;
-  const lower = new BoxGeometry(width, 0.9, length).translate(0, -0.5, -length / 2);
-  const nose = new CylinderGeometry(half, half, 0.9, 16, 1, false, -Math.PI / 2, Math.PI).translate(0, -0.5, -0.6);
-  const body = new Mesh(merged(...shaftAndHandle(Math.min(half, SHAFT_MOST), -length - 0.5), lower, nose), material);
-  const upper = new BoxGeometry(width - Math.min(0.4, half), 0.9, length + 0.2).translate(0, 0.5, length / 2);
-  const jaw = new Mesh(merged(upper), material);
+  const profile: [number, number][] = [[0, -0.4], [0.8 * half, -0.4], [half, 0.2 * length], [0.9 * half, 0.7 * length], [0.6 * half, 0.93 * length], [0, length]];
+  const back = turned(profile, -Math.PI / 2, Math.PI, 16).scale(1, BITE.thick / half, 1);
+  const face = turned(profile.flatMap(([radius, z], i): [number, number][] => {
+    const [nextRadius, nextZ] = profile[i + 1] ?? [radius, z];
+    return Array.from({ length: BITE.teeth }, (_, k) => [radius + (k / BITE.teeth) * (nextRadius - radius), z + (k / BITE.teeth) * (nextZ - z)]);
+  }), -Math.PI / 2, Math.PI, 8).scale(1, 0, 1);
+  const places = face.getAttribute("position");
+  for (let i = 0; i < places.count; i++) places.setY(i, -BITE.deep * Math.abs(Math.sin((Math.PI * BITE.teeth * places.getZ(i)) / length)));
+  face.computeVertexNormals();
+  return merged(back, face);
+}
+
+function jaws({ lengthMm: length, widthMm: width, openingDeg }: Instrument, material: Material): Shape {
+  const lower = halfSpindle(width, length).translate(0, 0, -length);
+  const pin = new CylinderGeometry(0.45, 0.45, 0.8 * width, 10).rotateZ(Math.PI / 2).translate(0, 0, -length);
+  const body = new Mesh(merged(...shaftAndHandle(Math.min(width / 2, SHAFT_MOST), -length + 0.3), lower, pin), material);
+  const jaw = new Mesh(halfSpindle(0.85 * width, 0.97 * length).rotateZ(Math.PI), material);
   jaw.position.set(0, 0, -length);
   return {
     root: group(body, jaw),
@@ -78,16 +100,22 @@ function jaws({ lengthMm: length, widthMm: width, openingDeg }: Instrument, mate
   };
 }
 
-// The tube is open towards y at its end; in it the burr turns.
+const WINDOW = 1.9; // angle by which a shaver's tube is open, towards y
+const FLUTES = 6;
+
+// The tube is round at its end and open towards y there; in it the burr turns.
 function shaver({ widthMm }: Instrument, material: Material, bright: Material): Shape {
   const radius = widthMm / 2;
-  const window = new CylinderGeometry(radius + 0.35, radius + 0.35, 5, 20, 1, true, Math.PI / 2 + 0.7, 2 * Math.PI - 1.8).rotateX(Math.PI / 2).translate(0, 0, -2.8);
-  const body = new Mesh(merged(...shaftAndHandle(radius + 0.35, -5.2), window), material);
-  const teeth = Array.from({ length: 6 }, (_, i) => {
-    const angle = (i * Math.PI) / 3;
-    return new BoxGeometry(0.5, 0.5, 2.6).translate(radius - 0.35, 0, -radius).applyMatrix4(new Matrix4().makeRotationZ(angle));
-  });
-  const burr = new Mesh(merged(new SphereGeometry(0.9 * radius, 16, 12).translate(0, 0, -radius), tube(0.6 * radius, -5, -radius), ...teeth), bright);
+  const wall = radius + 0.35;
+  const hood = turned([[wall, -5.4], [wall, -radius], [0.87 * wall, -0.5 * radius], [0.5 * wall, -0.13 * radius], [0, 0.1]], Math.PI + WINDOW / 2, 2 * Math.PI - WINDOW);
+  const body = new Mesh(merged(...shaftAndHandle(wall, -5.4, 0, wall), hood), material);
+  const burr = new Mesh(turned([[0.45 * radius, -5.3], [0.95 * radius, -4.6], [0.95 * radius, -radius], [0.6 * radius, -0.3 * radius], [0, -0.1 * radius]], 0, 2 * Math.PI, 8 * FLUTES), bright);
+  const places = burr.geometry.getAttribute("position");
+  for (let i = 0; i < places.count; i++) {
+    const flute = 1 - 0.22 * Math.abs(Math.sin((FLUTES / 2) * Math.atan2(places.getY(i), places.getX(i)) + 0.6 * places.getZ(i)));
+    places.setXY(i, flute * places.getX(i), flute * places.getY(i));
+  }
+  burr.geometry.computeVertexNormals();
   return {
     root: group(body, burr),
     move: (opening, running, time) => {

@@ -48,12 +48,11 @@ function check(out, folder, types) {
   run(join(bin, "tsc"), "--project", join(out, "tsconfig.json"));
 }
 
-// Text of three's shaders that no view compiles: of physical and toon materials and of shadows.
+// Text of three's shaders that no view compiles: of physical and toon materials, and of shadows, which the scope has its own for.
 const UNUSED_SHADERS = ["clearcoat_normal_fragment_begin", "clearcoat_normal_fragment_maps", "clearcoat_pars_fragment",
   "cube_uv_reflection_fragment", "envmap_physical_pars_fragment", "gradientmap_pars_fragment", "iridescence_fragment",
   "iridescence_pars_fragment", "lights_physical_fragment", "lights_physical_pars_fragment", "lights_toon_fragment",
-  "lights_toon_pars_fragment", "shadowmap_pars_fragment", "shadowmap_pars_vertex", "shadowmap_vertex",
-  "shadowmask_pars_fragment", "transmission_fragment", "transmission_pars_fragment"];
+  "lights_toon_pars_fragment", "shadowmap_pars_fragment", "shadowmask_pars_fragment", "transmission_fragment", "transmission_pars_fragment"];
 
 function withoutUnusedShaders(three) {
   for (const name of UNUSED_SHADERS) {

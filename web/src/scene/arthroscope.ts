@@ -1,7 +1,7 @@
 // The picture of an arthroscope: the joint from the tip of the scope, lit from there. The canvas is the
 // square around the round picture.
 import {
-  Color, CustomToneMapping, HemisphereLight, PerspectiveCamera, Quaternion, Scene, ShaderChunk, SpotLight, type WebGLRenderer,
+  Color, CustomToneMapping, FogExp2, HemisphereLight, PerspectiveCamera, Quaternion, Scene, ShaderChunk, SpotLight, type WebGLRenderer,
 } from "three";
 import { HAS_WARPED, LOST, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
 import { isOptic, USUAL, type Instruments } from "../instruments";
@@ -9,13 +9,20 @@ import { Exposure, TONE } from "./exposure";
 import type { MapName } from "./colours";
 import type { Joint, Show } from "./joint";
 import { cameraFieldDeg, cameraInTip, type Optic } from "./optic";
+import { SHADOW } from "./shadow";
 import { AdaptiveResolution, newRenderer } from "./view3d";
 
 const LIGHT = 260; // at 1 mm, before it fades with distance
 const FADE = 1.4; // less than the square: water and walls scatter some of it back
 const BEYOND_DEG = 17; // how far the light's cone reaches beyond what the optic sees
 const SHOW: Show = { ghost: false, raw: false, trails: false, femur: true, patella: true, ligaments: true, skin: true, seeThrough: false, map: "none" };
+const FIBRES = { x: 1, y: 1.2, z: 0.3 }; // mm from the lens: where the light leaves the scope
+const STEEPEST = (80 * Math.PI) / 180; // half of a cone that a shadow can be drawn in
+const SHADOW_PX = 512;
+const SHADE = 0.7; // what a shadow takes: tissue around throws the rest back into it
 const DEPTH = 0x2a1210; // where no light comes back from
+const TURBID = { colour: 0x8a6a60, per_mm: 0.006 }; // the water's own
+ShaderChunk.shadowmap_pars_fragment = SHADOW;
 ShaderChunk.tonemapping_pars_fragment = ShaderChunk.tonemapping_pars_fragment.replace(/vec3 CustomToneMapping\([^}]*\}/, TONE);
 
 export class Arthroscope {
@@ -35,9 +42,16 @@ export class Arthroscope {
     this.resolution = new AdaptiveResolution();
     this.exposure = new Exposure(this.renderer.getContext() as WebGL2RenderingContext);
     this.renderer.toneMapping = CustomToneMapping;
+    this.renderer.shadowMap.enabled = true;
     this.scene.background = new Color(DEPTH);
-    this.lamp.position.set(0.4, 0.5, 0.2);
-    this.lamp.target.position.set(0.4, 0.5, -1);
+    this.scene.fog = new FogExp2(TURBID.colour, TURBID.per_mm);
+    this.lamp.position.set(FIBRES.x, FIBRES.y, FIBRES.z);
+    this.lamp.target.position.set(FIBRES.x, FIBRES.y, -1);
+    this.lamp.castShadow = true;
+    this.lamp.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
+    this.lamp.shadow.bias = -0.0004; // in depth, which is finest near the lamp: 0.3 mm at 20 mm
+    this.lamp.shadow.normalBias = 0.1;
+    this.lamp.shadow.intensity = SHADE;
     this.camera.add(this.lamp, this.lamp.target);
     this.scene.add(this.camera, new HemisphereLight(0xffd9c4, 0xa04a38, 0.12), joint.root);
     joint.setShow(SHOW);
@@ -46,6 +60,7 @@ export class Arthroscope {
 
   close(): void {
     this.resolution.close();
+    this.lamp.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
   }
@@ -55,7 +70,7 @@ export class Arthroscope {
     this.turn.set(x, y, z, w);
     this.camera.fov = cameraFieldDeg(optic);
     this.camera.updateProjectionMatrix();
-    this.lamp.angle = ((cameraFieldDeg(optic) / 2 + BEYOND_DEG) * Math.PI) / 180;
+    this.lamp.angle = Math.min(STEEPEST, ((cameraFieldDeg(optic) / 2 + BEYOND_DEG) * Math.PI) / 180);
   }
 
   setMap(map: MapName): void {

@@ -46,6 +46,7 @@ export const TRAIL_S = 8;
 export const TRAIL_POINTS = 400;
 const MARKER = 0x00a8ff;
 const PAINT_MS = 250;
+const PARKED_MM = 120; // from the joint's middle: no tip within the knee is so far
 const MOVED_MM = 0.05; // of a body: displacements are measured again
 
 interface Tool {
@@ -197,7 +198,9 @@ export class Joint {
     const tool = (this.tools[instrument] ??= this.newTool(instrument));
     const there = seen - 1 !== LOST;
     const inside = this.inScope && isOptic(this.instruments[instrument]);
-    tool.shown.root.visible = there && row[at + HAS_WARPED] === 1 && !inside;
+    const away = Math.hypot(row[at + WARPED + 4]!, row[at + WARPED + 5]!, row[at + WARPED + 6]!);
+    const parked = this.inScope && away > PARKED_MM;
+    tool.shown.root.visible = there && row[at + HAS_WARPED] === 1 && !inside && !parked;
     tool.raw.root.visible = there && this.show.raw && !this.inScope;
     setPose(tool.shown.root, row, at + WARPED);
     setPose(tool.raw.root, row, at + TIP);
@@ -209,9 +212,10 @@ export class Joint {
   private newTool(instrument: number): Tool {
     const described = this.instruments[instrument]!;
     const colour = colourOf(described, instrument);
-    const bright = steelMaterial(0xe6ebef);
+    const bright = steelMaterial(0xe6ebef, 1, this.inScope);
     const steel = new Color(this.inScope ? 0xd8dfe4 : 0x9aa5ae).lerp(new Color(colour), this.inScope ? 0 : 0.25);
-    const shown = shapeOf(described, steelMaterial(steel.getHex()), bright);
+    const shown = shapeOf(described, steelMaterial(steel.getHex(), 1, this.inScope), bright);
+    shown.root.traverse((node) => (node.castShadow = node.receiveShadow = true));
     const ghost = steelMaterial(colour, 0.22);
     const raw = shapeOf(described, ghost, ghost);
     for (const shape of [shown, raw]) {

@@ -42,6 +42,7 @@ export class LooseBodies {
       mesh.name = "loose";
       mesh.matrixAutoUpdate = false;
       mesh.visible = false;
+      mesh.castShadow = mesh.receiveShadow = true;
       this.root.add(mesh);
     }
   }

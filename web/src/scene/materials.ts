@@ -1,6 +1,6 @@
 // How tissue and steel look. One lamp goes with the eye in the overview; in the scope it is at the tip
 // and fades with distance.
-import { Color, DoubleSide, FrontSide, Matrix4, MeshPhongMaterial, type Side } from "three";
+import { BackSide, Color, DoubleSide, FrontSide, Matrix4, MeshPhongMaterial, ShaderChunk, type Side, type WebGLProgramParametersWithUniforms } from "three";
 import { CaseGroup_Kind, CaseGroup_Side, type CaseGroup } from "wire";
 import type { Colour } from "./colours";
 
@@ -9,11 +9,12 @@ const CARTILAGE: Colour = [217, 230, 232]; // of a bone's part
 
 // What the scope sees, in the light of its own lamp. A joint's lining covers what holds it from outside.
 const INSIDE: Record<string, Colour> = {
-  cartilage: [244, 238, 227],
-  meniscus: [247, 226, 200],
-  cut: [240, 170, 152],
-  ligament: [238, 212, 184],
-  lining: [245, 172, 164],
+  cartilage: [243, 239, 231],
+  meniscus: [247, 234, 212],
+  rim: [238, 184, 164], // a meniscus's outer third, which has vessels
+  cut: [245, 222, 194],
+  ligament: [244, 229, 208],
+  lining: [236, 158, 146],
 };
 
 type Kind = "bone" | "meniscus" | "ligament" | "lining";
@@ -29,8 +30,18 @@ function rgb(colour: number): Colour {
   return [(colour >> 16) & 255, (colour >> 8) & 255, colour & 255];
 }
 
-/** What a surface is made of; where it is `cut`, or cartilage. In the scope a case's own colours are kept. */
-export function tissueOf(group: CaseGroup, inside: boolean, cut: boolean, cartilage: boolean): Colour {
+const red: Colour = [0, 0, 0];
+
+/**
+ * What a surface is made of; where it is `cut`, or cartilage; `rim`: how much of a meniscus's outer third it is, 0 to 1.
+ * In the scope a case's own colours are kept.
+ */
+export function tissueOf(group: CaseGroup, inside: boolean, cut: boolean, cartilage: boolean, rim = 0): Colour {
+  if (inside && rim > 0) {
+    const inner = tissueOf(group, inside, cut, cartilage);
+    for (let k = 0; k < 3; k++) red[k] = inner[k]! + rim * (INSIDE.rim![k]! - inner[k]!);
+    return red;
+  }
   if (cut) return inside ? INSIDE.cut! : CUT;
   if (!inside) return cartilage ? CARTILAGE : rgb(group.colour);
   if (group.ownColour && !cartilage) return rgb(group.colour);
@@ -45,19 +56,21 @@ export interface Look {
   grain?: Grain; // as the scope sees it
 }
 
-// A tissue's fine structure: how often it changes in a millimetre along each axis, how rough it is, and what
-// else it has.
+// A tissue's fine structure: how often it changes in a millimetre along each axis, how rough it is, how much of the
+// light that enters it comes out elsewhere, how wide its film of water spreads a highlight, and what else it has.
 interface Grain {
   scale: [x: number, y: number, z: number];
   rough: number;
-  more?: "vessels" | "fray";
+  soft: number;
+  film: number;
+  more?: "lining" | "fray";
 }
 
 const GRAINS: Record<Kind, Grain> = {
-  bone: { scale: [0.5, 0.5, 0.5], rough: 0.05 },
-  meniscus: { scale: [0.7, 0.7, 2.6], rough: 0.07, more: "fray" }, // its fibres run round
-  ligament: { scale: [2.2, 1.6, 0.3], rough: 0.12 }, // and those of a cruciate ligament upwards
-  lining: { scale: [0.36, 0.33, 0.3], rough: 0.2, more: "vessels" },
+  bone: { scale: [0.5, 0.5, 0.5], rough: 0.05, soft: 0.5, film: 0.34 },
+  meniscus: { scale: [0.7, 0.7, 2.6], rough: 0.07, soft: 0.4, film: 0.22, more: "fray" }, // its fibres run round
+  ligament: { scale: [2.2, 1.6, 0.3], rough: 0.12, soft: 0.35, film: 0.3 }, // and those of a cruciate ligament upwards
+  lining: { scale: [0.36, 0.33, 0.3], rough: 0.2, soft: 0.6, film: 0.2, more: "lining" },
 };
 
 export function grainOf(group: CaseGroup): Grain {
@@ -70,8 +83,8 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
   const material = new MeshPhongMaterial({
     vertexColors: look.colour === undefined,
     color: look.colour ?? 0xffffff,
-    specular: new Color(look.grain ? 0x40403c : 0x26282a),
-    shininess: look.grain ? 90 : 22,
+    specular: new Color(0x26282a),
+    shininess: 22,
     transparent: opacity < 1,
     opacity,
     depthWrite: opacity === 1,
@@ -111,12 +124,33 @@ float noise3(vec3 x) {
 }
 `;
 
-function moisten(shader: { vertexShader: string; fragmentShader: string }, { scale, rough, more }: Grain): void {
+type Shader = Pick<WebGLProgramParametersWithUniforms, "vertexShader" | "fragmentShader">;
+
+// What a lamp's light does to a surface, instead of Phong's: `towards` is the lamp's cosine.
+function litBy(shader: Shader, direct: string): void {
+  const chunk = ShaderChunk.lights_phong_pars_fragment.replace(/(void RE_Direct_BlinnPhong\([^{]*\{)[^}]*\}/, `
+    // How much of a lamp's light the facets of a surface throw to the eye (GGX), of which each throws the share f0 straight ahead.
+    float thrown(vec3 n, vec3 l, vec3 v, float rough, float f0) {
+      vec3 h = normalize(l + v);
+      float nh = saturate(dot(n, h)), a2 = pow2(pow2(rough)), d = nh * nh * (a2 - 1.0) + 1.0;
+      return (f0 + (1.0 - f0) * pow(1.0 - saturate(dot(v, h)), 5.0)) * a2 / (4.0 * d * d);
+    }
+    $1 float towards = dot(geometryNormal, directLight.direction); ${direct} }`);
+  shader.fragmentShader = shader.fragmentShader.replace("#include <lights_phong_pars_fragment>", chunk);
+}
+
+// Light goes into soft tissue and comes out where the lamp does not reach any more, red the farthest.
+function moisten(shader: Shader, { scale, rough, soft, film, more }: Grain): void {
+  litBy(shader, `
+      vec3 wrap = ${soft} * vec3(1.0, 0.8, 0.72);
+      vec3 lit = saturate((towards + wrap) / (1.0 + wrap));
+      reflectedLight.directDiffuse += directLight.color * lit * BRDF_Lambert(material.diffuseColor);
+      reflectedLight.directSpecular += directLight.color * saturate(towards) * material.specularStrength * thrown(geometryNormal, directLight.direction, geometryViewDir, ${film}, 0.03);`);
   shader.vertexShader = `varying vec3 vPlace;\n${shader.vertexShader}`.replace("#include <project_vertex>", "vPlace = position;\n#include <project_vertex>");
   shader.fragmentShader = `varying vec3 vPlace;\n${NOISE}${shader.fragmentShader}`
     .replace("#include <color_fragment>", `#include <color_fragment>
       float grain = noise3(vPlace * vec3(${scale.join()}));
-      diffuseColor.rgb *= mix(vec3(0.97, 0.93, 0.89), vec3(1.03), grain);
+      diffuseColor.rgb *= mix(vec3(0.95, 0.93, 0.91), vec3(1.02), grain);
       float gloss = 1.0;
       ${more ? MORE[more] : ""}`)
     .replace("#include <specularmap_fragment>", "#include <specularmap_fragment>\nspecularStrength *= gloss;")
@@ -128,19 +162,29 @@ function moisten(shader: { vertexShader: string; fragmentShader: string }, { sca
       normal = normalize(abs(area) * normal + ${rough} * slope);`);
 }
 
+// Vessels are where noise crosses its mean: thick ones, and thin ones that leave them. In front and below lies the fat
+// pad, in lobules. The capsule has folds.
 const MORE = {
-  vessels: `
-      diffuseColor.rgb *= mix(vec3(0.87, 0.62, 0.62), vec3(1.0), smoothstep(0.0, 0.03, abs(grain - 0.5)));`,
+  lining: `
+      vec3 bent = ASKEW * (0.12 * vPlace + 0.5 * grain);
+      float fold = noise3(bent), trunk = abs(noise3(1.3 * bent + 5.0) - 0.5), twig = abs(noise3(4.1 * bent) - 0.5);
+      float red = max(smoothstep(0.022, 0.008, trunk), 0.7 * smoothstep(0.2, 0.03, trunk) * smoothstep(0.05, 0.02, twig));
+      float fat = smoothstep(-4.0, -16.0, vPlace.z) * smoothstep(16.0, 30.0, vPlace.y);
+      float lobule = abs(noise3(0.3 * ASKEW * vPlace) - 0.5);
+      diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.95, 0.72, 0.36), 0.75 * fat * smoothstep(0.0, 0.14, lobule));
+      diffuseColor.rgb *= mix(vec3(1.0), vec3(0.72, 0.3, 0.3), (1.0 - 0.6 * fat) * red) * mix(0.8, 1.08, fold);
+      grain += mix(9.0 * fold, 12.0 * sqrt(lobule), fat);`,
   fray: `
       float raw = 1.0 - vColor.a;
       float fray = noise3(ASKEW * vPlace * vec3(3.5, 3.5, 1.5));
-      diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.90, 0.72, 0.58), 0.6 * raw * smoothstep(0.3, 0.8, fray));
-      gloss -= 0.8 * raw;
-      grain += 0.7 * raw * fray;`,
+      diffuseColor.rgb *= mix(vec3(1.0), mix(vec3(0.86, 0.72, 0.62), vec3(1.04), smoothstep(0.25, 0.75, fray)), raw);
+      gloss -= 0.6 * raw;
+      grain += 1.1 * raw * fray;`,
 };
 
-export function steelMaterial(colour: number, opacity = 1): MeshPhongMaterial {
-  return new MeshPhongMaterial({
+/** Steel; `inside` the joint it mirrors the lit tissue in front of it, and behind the eye nothing is lit. */
+export function steelMaterial(colour: number, opacity = 1, inside = false): MeshPhongMaterial {
+  const material = new MeshPhongMaterial({
     color: colour,
     specular: 0x9aa4ad,
     shininess: 70,
@@ -149,4 +193,12 @@ export function steelMaterial(colour: number, opacity = 1): MeshPhongMaterial {
     depthWrite: opacity === 1,
     side: DoubleSide,
   });
+  if (!inside) return material;
+  material.onBeforeCompile = (shader) => litBy(shader, `
+      float ahead = 0.5 - 0.5 * reflect(-geometryViewDir, geometryNormal).z;
+      vec3 mirrored = mix(vec3(0.02, 0.012, 0.01), vec3(0.6, 0.49, 0.44), ahead * ahead) + 0.05 * saturate(towards);
+      reflectedLight.directSpecular += directLight.color * material.diffuseColor * (mirrored + thrown(geometryNormal, directLight.direction, geometryViewDir, 0.35, 0.55));`);
+  material.shadowSide = BackSide; // a front would shade itself
+  material.customProgramCacheKey = () => "steel";
+  return material;
 }

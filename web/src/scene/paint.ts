@@ -58,8 +58,51 @@ export interface Canvas {
   positions: Float32Array; // S', mm
   colours: Uint8Array; // four of each vertex, linear
   cut: (vertex: number) => boolean;
+  rim: Rim | undefined; // of a meniscus
   measured: Float32Array; // of each vertex what was measured there; NaN: nothing
   mismatch: Float32Array | undefined; // of each vertex how far the touched surface lies from it, mm
+}
+
+const RAYS = 72;
+const OUTER = { from: 0.55, to: 0.9 }; // between inner margin and rim: where a meniscus gets red, and is red
+
+/** A meniscus seen from above, a C: its inner margin and its rim in each direction from the middle of its box. */
+export class Rim {
+  private readonly middle: [x: number, y: number];
+  private readonly least = new Float32Array(RAYS).fill(Infinity);
+  private readonly most = new Float32Array(RAYS);
+
+  constructor(positions: Float32Array) {
+    const [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
+    for (let i = 0; i < positions.length; i++) {
+      if (i % 3 === 2) continue;
+      low[i % 3] = Math.min(low[i % 3]!, positions[i]!);
+      high[i % 3] = Math.max(high[i % 3]!, positions[i]!);
+    }
+    this.middle = [(low[0]! + high[0]!) / 2, (low[1]! + high[1]!) / 2];
+    for (let i = 0; i < positions.length; i += 3) {
+      const [ray, r] = this.polar(positions[i]!, positions[i + 1]!);
+      const at = Math.round(ray) % RAYS;
+      this.least[at] = Math.min(this.least[at]!, r);
+      this.most[at] = Math.max(this.most[at]!, r);
+    }
+  }
+
+  /** How much of the outer third a place is: 0 to 1. */
+  outer(x: number, y: number): number {
+    const [ray, r] = this.polar(x, y);
+    const low = Math.floor(ray) % RAYS;
+    const high = (low + 1) % RAYS;
+    const share = ray - Math.floor(ray);
+    const mix = (of: Float32Array): number => of[low]! + share * (of[high]! - of[low]!);
+    const t = ((r - mix(this.least)) / Math.max(mix(this.most) - mix(this.least), 1e-3) - OUTER.from) / (OUTER.to - OUTER.from);
+    return Math.min(1, Math.max(0, t)) || 0; // NaN: there is no meniscus in that direction
+  }
+
+  private polar(x: number, y: number): [ray: number, r: number] {
+    const [a, b] = [x - this.middle[0], y - this.middle[1]];
+    return [(Math.atan2(b, a) / (2 * Math.PI) + 1) * RAYS, Math.hypot(a, b)];
+  }
 }
 
 const scratch: Colour = [0, 0, 0];
@@ -70,8 +113,11 @@ function put(colours: Uint8Array, vertex: number, colour: Colour, raw = false): 
   colours[4 * vertex + 3] = raw ? 0 : 255;
 }
 
-export function paintTissue({ group: { about, cartilage }, inside, count, colours, cut }: Canvas): void {
-  for (let i = 0; i < count; i++) put(colours, i, tissueOf(about, inside, cut(i), cartilage[i] === 1), inside && cut(i));
+export function paintTissue({ group: { about, cartilage }, inside, count, positions, colours, cut, rim }: Canvas): void {
+  for (let i = 0; i < count; i++) {
+    const outer = inside && rim ? rim.outer(positions[3 * i]!, positions[3 * i + 1]!) : 0;
+    put(colours, i, tissueOf(about, inside, cut(i), cartilage[i] === 1, outer), inside && cut(i));
+  }
 }
 
 /** Of a part that came off, of which nobody says where it was cut: half raw all over. */

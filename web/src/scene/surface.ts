@@ -2,12 +2,13 @@
 import {
   BackSide, BufferAttribute, BufferGeometry, DynamicDrawUsage, FrontSide, Matrix4, Mesh, type MeshPhongMaterial, type Object3D,
 } from "three";
+import { CaseGroup_Kind } from "wire";
 import { isSkin } from "../groups";
 import type { Tissue } from "../mesh";
 import { addNormals, type Group } from "./anatomy";
 import type { ColourMap, MapName } from "./colours";
 import { grainOf, tissueMaterial } from "./materials";
-import { displacements, Grid, GRID_MM, paintMeasured, paintMismatch, paintPlan, paintTissue, REACH, type Canvas } from "./paint";
+import { displacements, Grid, GRID_MM, Rim, paintMeasured, paintMismatch, paintPlan, paintTissue, REACH, type Canvas } from "./paint";
 
 const GHOST = 0x4aa3ff;
 
@@ -17,6 +18,7 @@ export class Surface {
   readonly otherPhysical = new Matrix4();
   private ghost: Mesh | undefined;
   private canvas: Canvas;
+  private readonly rim: Rim | undefined;
   private grid: Grid | undefined;
   number = 0; // of the tissue that is shown; 0: the case's own surface
   private hash = 0n;
@@ -38,6 +40,9 @@ export class Surface {
     }, group.otherShare && this.other));
     this.shown.frustumCulled = false;
     this.shown.userData.body = group.body;
+    this.shown.castShadow = !group.otherShare; // what bends is drawn from elsewhere than where its vertices are
+    this.shown.receiveShadow = true;
+    this.rim = inScope && group.about.kind === CaseGroup_Kind.MENISCUS ? new Rim(positions) : undefined;
     if (inScope && skin) this.shown.renderOrder = 1; // last: most of it is behind other things
     this.canvas = this.newCanvas(positions, count, () => false);
     this.paint("none");
@@ -78,12 +83,25 @@ export class Surface {
       for (let k = 0; k < 3; k++) index[count++] = tissue.corners[3 * t + k]! + shift;
     }
     this.takeMismatch(tissue);
-    addNormals(positions, index, count, geometry.getAttribute("normal").array as Float32Array);
+    const normals = geometry.getAttribute("normal").array as Float32Array;
+    addNormals(positions, index, count, normals);
+    if (this.inScope) this.roundEdges(normals);
     geometry.setDrawRange(0, count);
     for (const name of ["position", "normal"]) geometry.getAttribute(name).needsUpdate = true;
     geometry.index!.needsUpdate = true;
     this.grid = undefined;
     return true;
+  }
+
+  // Where a cut meets the surface, each of a vertex's two normals leans half towards the other's.
+  private roundEdges(normals: Float32Array): void {
+    const shift = 3 * this.twin;
+    for (let i = 0; i < shift; i += 3)
+      for (let k = i; k < i + 3; k++) {
+        const [a, b] = [normals[k]!, normals[k + shift]!];
+        normals[k] = a + 0.5 * b;
+        normals[k + shift] = b + 0.5 * a;
+      }
   }
 
   private takeMismatch({ mismatch, mismatchStep, vertexBound }: Tissue): void {
@@ -112,7 +130,7 @@ export class Surface {
 
   private newCanvas(positions: Float32Array, count: number, cut: (vertex: number) => boolean): Canvas {
     const colours = this.shown.geometry.getAttribute("color").array as Uint8Array;
-    return { group: this.group, inside: this.inScope, count, positions, colours, cut, measured: new Float32Array(count).fill(NaN), mismatch: undefined };
+    return { group: this.group, inside: this.inScope, count, positions, colours, cut, rim: this.rim, measured: new Float32Array(count).fill(NaN), mismatch: undefined };
   }
 
   // ---- maps -----------------------------------------------------------------------------------------

@@ -592,7 +592,7 @@ export const text = {
       others: "Other tasks",
       behind: "You are behind your course.",
       exam: (title: string) => `Exam: ${title}`,
-      goals: "Goals",
+      goals: "Goals", planPicture: "The planned resection from above", planHint: "The plan: the coloured part goes. Drag to turn.",
       tools: "Show the tools", show: (tool: string) => `Show the ${tool}`, ready: "ready", notSeen: "not seen yet",
       start: "Start", startAnyway: "Start without", take: "Take this station",
       noStation: "This station is not connected", noStationHint: "Start the station's program, or choose another station.",

@@ -1,10 +1,11 @@
 // Who trains at a station without an instructor, and who plans, follows and rates what they do.
 import assert from "node:assert/strict";
-import { SIZES } from "../browser.mjs";
+import { SIZES, still } from "../browser.mjs";
 import { until } from "../programs.mjs";
 import { settled } from "./views.mjs";
 
 const STATION = "sim-21"; // its case is healthy
+const TORN_STATION = "sim-22"; // tear-radial
 const EXAM_STATION = "sim-24"; // on the same case
 const TASK = "steady-camera";
 const FEEDBACK_S = 5;
@@ -104,6 +105,28 @@ async function a_trainee_runs_a_station_alone(world) {
   });
 }
 
+async function a_briefing_shows_the_plan(world) {
+  const { testbed, browser } = world;
+  const ask = await asker(world);
+  const { trainee } = await makeCourse(ask, world);
+  const { code } = await ask("POST", `/trainees/${trainee}/code`, {});
+  await testbed.withConnected(TORN_STATION, async () => {
+    const page = await browser.page(await browser.context(), `#/train/${TORN_STATION}`, [/status of 401/, /WebSocket connection/]);
+    await page.getByLabel("Your code").fill(code);
+    await press(page, "Sign in");
+    await page.getByText("Other tasks").click();
+    await press(page, "Partial meniscectomy of a radial tear");
+    await press(page, "Take this station");
+    const plan = page.locator(".plan-picture canvas");
+    await plan.waitFor();
+    await still(plan);
+    await look(world, page, "train-plan");
+    await press(page, "Back");
+    await press(page, "Leave");
+    await page.getByRole("heading", { name: "Who trains?" }).waitFor();
+  });
+}
+
 /** In an exam nobody helps, and who intervenes says why. */
 async function an_exam_is_sealed(world) {
   const { testbed, browser, users } = world;
@@ -155,4 +178,4 @@ async function a_director_and_a_rater_open_their_pages(world) {
   }
 }
 
-export const tests = [a_trainee_runs_a_station_alone, an_exam_is_sealed, a_director_and_a_rater_open_their_pages];
+export const tests = [a_trainee_runs_a_station_alone, a_briefing_shows_the_plan, an_exam_is_sealed, a_director_and_a_rater_open_their_pages];

@@ -12,6 +12,7 @@ import type { CommandInit } from "../live";
 import { routeTo, type Route } from "../router";
 import { FeedSource } from "../source";
 import { Clip } from "../teach/clip";
+import { PlanPicture } from "../teach/plan_picture";
 import { attemptOf, beginCommand, helpCommand, leaveCommand, stopCommand, takeCommand } from "../teach/live_attempt";
 import { clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Step, type Task, type Today } from "../teach/model";
 import { Bar, useTick } from "../teach/parts";
@@ -235,14 +236,15 @@ function Briefing({ app, station, live, chosen, back }: { app: App; station: str
     }
     setBusy(false);
   };
-  const take = (): void => void send(takeCommand(station), (why) => `${why} ${words.takenHint}`);
+  const take = (): void => void send(takeCommand(station), (why) => `${why.replace(/\.$/, "")}. ${words.takenHint}`);
   const start = (): void => void send(beginCommand(station, task.name, "practice", hand), words.refused);
   return (
     <section class="train-card briefing">
       <h2>{task.title}</h2>
       <p class="briefing-words">{task.briefing}</p>
       <div class="briefing-parts">
-        <div><h3>{words.goals}</h3><ol class="goals">{task.goals.map((name) => <li key={name}>{nameInWords(name)}</li>)}</ol></div>
+        <div><h3>{words.goals}</h3><ol class="goals">{task.goals.map((name) => <li key={name}>{nameInWords(name)}</li>)}</ol>
+          {live && task.tools?.includes("punch") && <PlanPicture session={live.source.session} />}</div>
         <div><h3>{words.tools}</h3>
           <ul class="tools">{tools.map(({ name, seen }) => <li key={name} class={seen ? "seen" : ""}><Icon name={seen ? "quiet" : "waiting"} /><span>{words.show(nameInWords(name).toLowerCase())}</span><span class="quiet-text">{seen ? words.ready : words.notSeen}</span></li>)}</ul>
           <p class="quiet-text">{sentenceOf(text.teach.hands[hand]!)}</p>
@@ -311,7 +313,7 @@ function Do({ app, route, station, live, attempt }: { app: App; route: Route; st
 
 function Feedback({ app, live, attempt, leave, again, next }: { app: App; live: LiveState; attempt: Attempt; leave: () => void; again: () => void; next: () => void }) {
   const words = text.teach.train;
-  const [clip, setClip] = useState<number>();
+  const [clip, setClip] = useState<number | undefined>(0); // the worst plays at once
   const mine = useLoaded(() => app.api.get<{ attempts: AttemptRow[] }>("/attempts", { task: attempt.task, limit: 100 }), [attempt.task, attempt.number]);
   const heading = useRef<HTMLHeadingElement>(null);
   useEffect(() => heading.current?.focus(), [attempt.number]);

@@ -111,6 +111,17 @@ static bool is_met(struct attempt *a, const struct site *site, const struct sess
     return hold(&state->hold, holds, a->running_ns, HELD_NS, ns_of(goal->hold_s));
 }
 
+// Who looks anew at where a chain of views begins, stands there: a trainee who happened to see it
+// on the way is not held to that place.
+static void stand_anew(struct attempt *a, const struct site *site,
+                       const struct session_output *output, const struct looking *looking,
+                       int index) {
+    const struct goal *goals = site_task(site)->goals;
+    bool is_second = index > 0 && !isnan(goals[index].stay_mm) && isnan(goals[index - 1].stay_mm);
+    if (is_second && is_met(a, site, output, looking, index - 1))
+        a->stood = looking->T_mockup_scope.translation;
+}
+
 static void judge_goals(struct attempt *a, const struct site *site,
                         const struct session_output *output, const struct looking *looking,
                         struct attempt_news *news) {
@@ -118,6 +129,7 @@ static void judge_goals(struct attempt *a, const struct site *site,
     for (int i = 0; i < task->goal_count; i++) {
         if (a->goals[i].met)
             continue;
+        stand_anew(a, site, output, looking, i);
         if (is_met(a, site, output, looking, i)) {
             meet(a, i, looking);
             news->goals_met |= 1u << i;

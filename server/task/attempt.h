@@ -54,8 +54,8 @@ struct attempt {
     vec3 tips[INSTRUMENT_COUNT];
     double speeds[INSTRUMENT_COUNT]; // mm/s, smoothed
     bool seen[INSTRUMENT_COUNT];     // there was a tip at the step before
-    vec3 stood;                      // the scope's tip when the last goal was met
-    uint32_t cut;                    // a bit for each tissue of which something was cut
+    vec3 stood;   // the scope's tip when the last goal was met, or from where it was held again
+    uint32_t cut; // a bit for each tissue of which something was cut
     struct quality_report resections[TISSUES_MAX];
     struct goal_state goals[TASK_GOALS_MAX];
     struct error_state found[TASK_ERRORS_MAX][INSTRUMENT_COUNT]; // of each tool

@@ -175,17 +175,47 @@ static void goals_without_order_come_as_they_come(void **state) {
     assert_int_equal(attempt.end, ATTEMPT_DONE);
 }
 
+// Towards the patella, and the picture lies on its side.
+static pose looking_aslant(vec3 from) {
+    pose T = looking(from, landmark("patella"));
+    quat roll = quat_from_axis_angle((vec3){0, 0, 1}, 90 * RAD_PER_DEG);
+    T.rotation = quat_multiply(T.rotation, roll);
+    return T;
+}
+
+#define TURN_THERE                                                                                 \
+    "[goal a]\nsee = patella\nupright_deg = 20\nhold_s = 0.1\n"                                    \
+    "[goal b]\nsee = patella\nstay_mm = 3\nhold_s = 0.1\n"
+
 static void a_view_comes_by_turning_the_optic(void **state) {
     (void)state;
-    begin("[goal a]\nsee = patella\nhold_s = 0.1\n"
-          "[goal b]\nsee = patella\nstay_mm = 3\nhold_s = 0.1\n");
+    begin(TURN_THERE);
     vec3 p = landmark("patella"), from = vec3_add_scaled(p, 30, forward);
     place(SCOPE, looking(from, p));
     assert_int_equal(steps(11).goals_met, 1);
-    place(SCOPE, looking(vec3_add(from, (vec3){3.1, 0, 0}), p));
+    place(SCOPE, looking_aslant(vec3_add(from, (vec3){3.1, 0, 0})));
     assert_int_equal(steps(50).goals_met, 0); // the tip has moved
-    place(SCOPE, looking(vec3_add(from, (vec3){2.9, 0, 0}), p));
+    place(SCOPE, looking_aslant(vec3_add(from, (vec3){2.9, 0, 0})));
     assert_int_equal(steps(50).goals_met, 2);
+}
+
+static void who_looks_again_from_elsewhere_may_turn_there(void **state) {
+    (void)state;
+    begin(TURN_THERE);
+    vec3 p = landmark("patella"), near = vec3_add_scaled(p, 30, forward);
+    place(SCOPE, looking(vec3_add_scaled(p, 40, forward), p));
+    assert_int_equal(steps(11).goals_met, 1); // on the way
+    place(SCOPE, looking_aslant(near));
+    assert_int_equal(steps(50).goals_met, 0);
+    place(SCOPE, looking(near, p));
+    assert_int_equal(steps(9).goals_met, 0); // not long enough yet
+    place(SCOPE, looking_aslant(near));
+    assert_int_equal(steps(50).goals_met, 0);
+    place(SCOPE, looking(near, p));
+    steps(12);
+    place(SCOPE, looking_aslant(near));
+    steps(12);
+    assert_int_equal(attempt.goals_met, 2);
 }
 
 // A shaft that runs from the portal to the point.
@@ -234,6 +264,7 @@ int main(void) {
         cmocka_unit_test(a_loose_body_is_taken_out),
         cmocka_unit_test(goals_without_order_come_as_they_come),
         cmocka_unit_test(a_view_comes_by_turning_the_optic),
+        cmocka_unit_test(who_looks_again_from_elsewhere_may_turn_there),
         cmocka_unit_test(hands_are_told_by_their_portals),
     };
     return cmocka_run_group_tests_name("attempt_goals", tests, make_case, drop_case);

@@ -1,12 +1,14 @@
 // Who trains at a station without an instructor, and who plans, follows and rates what they do.
 import assert from "node:assert/strict";
 import { SIZES, still } from "../browser.mjs";
-import { until } from "../programs.mjs";
+import { sleep, until } from "../programs.mjs";
 import { settled } from "./views.mjs";
 
 const STATION = "sim-21"; // its case is healthy
 const TORN_STATION = "sim-22"; // tear-radial
 const EXAM_STATION = "sim-24"; // on the same case
+const RATED = { station: "room-2", trainee: "bert" };
+const ATTEMPT_MS = 2000;
 const TASK = "steady-camera";
 const FEEDBACK_S = 5;
 const LOOKS = [["wide", "light"], ["tablet", "dark"]];
@@ -178,4 +180,44 @@ async function a_director_and_a_rater_open_their_pages(world) {
   }
 }
 
-export const tests = [a_trainee_runs_a_station_alone, a_briefing_shows_the_plan, an_exam_is_sealed, a_director_and_a_rater_open_their_pages];
+/** An attempt that ended after some steps of its session, which has a scope: {session, number}. */
+async function attempted(ask, { testbed }) {
+  await testbed.runStation(RATED.station);
+  await testbed.session("begin", RATED.station, TASK);
+  await sleep(ATTEMPT_MS);
+  await testbed.session("leave", RATED.station);
+  const { id } = await testbed.station(RATED.station);
+  await testbed.session("stop", RATED.station);
+  return until("the attempt is kept", async () => (await ask("GET", `/attempts?trainee=${RATED.trainee}`)).attempts.find(({ session }) => session === id));
+}
+
+async function a_rater_fills_the_form_beside_the_replay_through_the_scope(world) {
+  const { browser, users } = world;
+  const ask = await asker(world);
+  const { session, number } = await attempted(ask, world);
+  const page = await browser.page(await browser.context(users.instructor), `#/rate/${session}/${number}`);
+  const at = async () => Number(await page.locator(".scope-replay canvas").getAttribute("data-time"));
+  await page.locator(".rate-transport input:enabled").waitFor(); // the record is there
+  const first = await at();
+  await press(page, "Play");
+  await until("the replay goes on", async () => (await at()) > first + 0.5);
+  assert.equal(await page.locator(".scope-replay .scope-state").innerText(), "", "the scope is seen");
+  const save = page.getByRole("button", { name: "Save rating" });
+  const domains = await page.locator(".asset fieldset").all();
+  for (const domain of domains) {
+    assert.equal(await save.isEnabled(), false, "all domains are needed");
+    await domain.getByRole("radio").nth(2).check();
+  }
+  await page.getByText(`Sum ${3 * domains.length} of 38`).waitFor();
+  await page.getByLabel("Remark").fill("Steady.");
+  await look(world, page, "rate-form");
+  await save.click();
+  await page.getByText("You: 24 of 38").waitFor();
+  const { ratings } = await ask("GET", `/attempts/${session}/${number}/ratings`);
+  assert.deepEqual(ratings.map(({ own, sum, autonomy, remark, competent }) => [own, sum, autonomy, remark, competent]), [[true, 24, 3, "Steady.", true]]);
+}
+
+export const tests = [
+  a_trainee_runs_a_station_alone, a_briefing_shows_the_plan, an_exam_is_sealed,
+  a_rater_fills_the_form_beside_the_replay_through_the_scope, a_director_and_a_rater_open_their_pages,
+];

@@ -95,23 +95,70 @@ static json_t *tools_of(const struct task *task) {
     return tools;
 }
 
+static void add_limit(json_t *limits, const char *name, double value) {
+    if (!isnan(value))
+        json_object_set_new(limits, name, json_real(value));
+}
+
+static void add_if(json_t *limits, bool is_so, const char *name, double value) {
+    if (is_so)
+        add_limit(limits, name, value);
+}
+
+// What a goal asks beyond its place, by the keys of its file.
+static json_t *limits_of_goal(const struct goal *goal) {
+    json_t *limits = json_object();
+    bool sees = goal->see[0], touches = goal->touch[0] || goal->place_count;
+    add_if(limits, goal->hold_s > 0, "hold_s", goal->hold_s);
+    add_if(limits, sees && goal->centre < 1, "centre", goal->centre);
+    add_if(limits, sees, "within_mm", goal->within_mm);
+    add_if(limits, sees && goal->beyond_mm > 0, "beyond_mm", goal->beyond_mm);
+    add_limit(limits, "upright_deg", goal->upright_deg);
+    add_limit(limits, "still_mm", goal->still_mm);
+    add_limit(limits, "stay_mm", goal->stay_mm);
+    add_if(limits, touches, "reach_mm", goal->reach_mm);
+    add_if(limits, touches && goal->in_view, "in_view", 1);
+    add_limit(limits, "valgus_deg", goal->valgus_deg);
+    add_limit(limits, "varus_deg", goal->varus_deg);
+    add_limit(limits, "drawer_mm", goal->drawer_mm);
+    add_limit(limits, "flexion_from_deg", goal->flexion_from_deg);
+    add_limit(limits, "flexion_to_deg", goal->flexion_to_deg);
+    add_limit(limits, "under_share", goal->under_share);
+    add_limit(limits, "over_share", goal->over_share);
+    add_limit(limits, "rim_mm", goal->rim_mm);
+    add_limit(limits, "step_mm", goal->step_mm);
+    return limits;
+}
+
+static json_t *limits_of_error(const struct task_error *error) {
+    json_t *limits = json_object();
+    add_limit(limits, "for_s", error->for_s);
+    add_limit(limits, "deep_mm", error->deep_mm);
+    add_limit(limits, "near_mm", error->near_mm);
+    add_limit(limits, "speed_mm_s", error->speed_mm_s);
+    add_limit(limits, "over_share", error->over_share);
+    return limits;
+}
+
 static json_t *errors_of(const struct task *task) {
     json_t *errors = json_array();
-    for (int i = 0; i < task->error_count; i++)
-        json_array_append_new(errors, json_pack("{s:s, s:b}", "name", task->errors[i].name,
-                                                "sentinel", (int)task->errors[i].sentinel));
+    for (const struct task_error *e = task->errors; e < task->errors + task->error_count; e++)
+        json_array_append_new(errors, json_pack("{s:s, s:b, s:o}", "name", e->name, "sentinel",
+                                                (int)e->sentinel, "limits", limits_of_error(e)));
     return errors;
 }
 
 static json_t *task_json(const struct task *task, const struct pass_mark *mark) {
-    json_t *goals = json_array();
-    for (int i = 0; i < task->goal_count; i++)
-        json_array_append_new(goals, json_string(task->goals[i].name));
-    return json_pack("{s:s, s:o, s:o, s:i, s:f, s:b, s:o, s:o, s:o, s:o}", "name", task->name,
+    json_t *goals = json_array(), *limits = json_array();
+    for (const struct goal *goal = task->goals; goal < task->goals + task->goal_count; goal++) {
+        json_array_append_new(goals, json_string(goal->name));
+        json_array_append_new(limits, limits_of_goal(goal));
+    }
+    return json_pack("{s:s, s:o, s:o, s:i, s:f, s:b, s:o, s:o, s:o, s:o, s:o}", "name", task->name,
                      "title", call_string(task->title), "briefing", call_string(task->briefing),
                      "version", task->version, "limit_s", task->limit_s, "in_order",
-                     (int)task->in_order, "tools", tools_of(task), "goals", goals, "errors",
-                     errors_of(task), "mark", task_mark_json(mark));
+                     (int)task->in_order, "tools", tools_of(task), "goals", goals, "limits", limits,
+                     "errors", errors_of(task), "mark", task_mark_json(mark));
 }
 
 void get_tasks(struct api_call *call) {

@@ -5,6 +5,7 @@
 #include "test.h"
 #include "unit/case_knee.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,29 +23,30 @@ void (*api_on_report)(void);
 static struct error err;
 static char records[FOLDER_MAX + 32], keys[FOLDER_MAX + 32], dirs[2][FOLDER_MAX + 32];
 static struct api_case cases[2];
-static const struct task tasks[] = {{.name = "steady",
-                                     .title = "Steady camera",
-                                     .briefing = "Hold it still.",
-                                     .version = 1,
-                                     .limit_s = 60,
-                                     .pass_time_s = 30,
-                                     .source = "Set by hand.",
-                                     .goal_count = 1,
-                                     .goals = {{.name = "still", .see = "notch"}}},
-                                    {.name = "probing",
-                                     .title = "Probe in order",
-                                     .briefing = "Touch two places.",
-                                     .version = 3,
-                                     .limit_s = 120,
-                                     .in_order = true,
-                                     .pass_time_s = 60,
-                                     .pass_errors = 1,
-                                     .source = "Faculty, n = 5",
-                                     .goal_count = 2,
-                                     .goals = {{.name = "horn", .touch = "horn", .tool = "probe"},
-                                               {.name = "root", .touch = "root", .tool = "probe"}},
-                                     .error_count = 1,
-                                     .errors = {{.name = "deep", .sentinel = true}}}};
+static const struct task tasks[] = {
+    {.name = "steady",
+     .title = "Steady camera",
+     .briefing = "Hold it still.",
+     .version = 1,
+     .limit_s = 60,
+     .pass_time_s = 30,
+     .source = "Set by hand.",
+     .goal_count = 1,
+     .goals = {{.name = "still", .see = "notch"}}},
+    {.name = "probing",
+     .title = "Probe in order",
+     .briefing = "Touch two places.",
+     .version = 3,
+     .limit_s = 120,
+     .in_order = true,
+     .pass_time_s = 60,
+     .pass_errors = 1,
+     .source = "Faculty, n = 5",
+     .goal_count = 2,
+     .goals = {{.name = "horn", .touch = "horn", .tool = "probe", .reach_mm = 3, .rim_mm = NAN},
+               {.name = "root", .touch = "root", .tool = "probe"}},
+     .error_count = 1,
+     .errors = {{.name = "deep", .sentinel = true}}}};
 static const struct api_station stations[] = {{"room-1", "healthy", "ada", false},
                                               {"room-2", "torn", "", true}};
 
@@ -154,9 +156,9 @@ static void take_released(void *user, struct store *store, const char *session, 
 
 void api_restart(void) {
     static const char link[] = "https://server.example.org:4880/";
-    const struct api_config config = {records, keys, link, cases,       2,     stations, 2,
-                                      report,  4810, NULL, api_checker, tasks, 2,        obey,
-                                      take_released};
+    const struct api_config config = {records,     keys,  link,   cases, 2,
+                                      stations,    2,     report, 4810,  NULL,
+                                      api_checker, tasks, 2,      obey,  take_released};
     api_destroy(&the_api);
     assert_ok(api_create(&config, &the_api, &err));
 }

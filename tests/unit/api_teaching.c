@@ -283,6 +283,9 @@ static void a_pass_mark_has_a_source_and_versions(void **state) {
     assert_string_equal(text_at("tasks.1.tools.0"), "scope");
     assert_string_equal(text_at("tasks.1.tools.1"), "probe");
     assert_string_equal(text_at("tasks.0.tools.1"), "(none)"); // nothing is touched
+    assert_float_equal(number_at("tasks.1.limits.0.reach_mm"), 3, 0);
+    assert_true(isnan(number_at("tasks.0.limits.0.reach_mm")));
+    assert_true(isnan(number_at("tasks.1.limits.0.rim_mm")));
 }
 
 static void the_attempts_behind_a_mark_say_how_many_would_pass(void **state) {

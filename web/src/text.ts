@@ -8,6 +8,7 @@ const minute = new Intl.DateTimeFormat("en-GB", { day: "2-digit", month: "short"
 const second = new Intl.DateTimeFormat("en-GB", { day: "2-digit", month: "short", year: "numeric", hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
 
 const two = (n: number): string => String(n).padStart(2, "0");
+const short = (n: number): string => String(Number(n.toFixed(2)));
 const count = (n: number, one: string, many = `${one}s`): string => `${n} ${n === 1 ? one : many}`;
 
 export const format = {
@@ -578,6 +579,31 @@ export const text = {
     times: (n: number) => formats[0]!.format(n),
     mark: (time: string, errors: number) => `Pass: all goals in ${time}, with ${errors === 0 ? "no error" : `at most ${count(errors, "error")}`}.`,
     grave: "grave",
+    /** What a goal asks, or when an error counts, by the keys of the task's file, in the order in which they are read. */
+    limits: {
+      under_share: (share) => `left to remove: at most ${format.percent(share, 0)} of the plan`,
+      over_share: (share) => `beyond the plan: at most ${format.percent(share, 0)} of it`,
+      rim_mm: (mm) => `remaining rim: at least ${short(mm)} mm`,
+      step_mm: (mm) => `largest step: at most ${short(mm)} mm`,
+      centre: () => "in the middle of the picture",
+      upright_deg: (degrees) => `picture upright to ${short(degrees)}°`,
+      within_mm: (mm) => `from at most ${short(mm)} mm`,
+      beyond_mm: (mm) => `from at least ${short(mm)} mm`,
+      still_mm: (mm) => `scope still to ${short(mm)} mm`,
+      stay_mm: (mm) => `turn the optic: the tip stays within ${short(mm)} mm`,
+      in_view: () => "with the tip in the picture",
+      reach_mm: (mm) => `to ${short(mm)} mm`,
+      valgus_deg: (degrees) => `valgus of at least ${short(degrees)}°`,
+      varus_deg: (degrees) => `varus of at least ${short(degrees)}°`,
+      drawer_mm: (mm) => `tibia forward by at least ${short(mm)} mm`,
+      flexion_from_deg: (from, { flexion_to_deg: to }) => `flexed ${short(from)} to ${short(to ?? 0)}°`,
+      hold_s: (s) => `held for ${short(s)} s`,
+      deep_mm: (mm) => `deeper than ${short(mm)} mm`,
+      near_mm: (mm) => `nearer than ${short(mm)} mm`,
+      speed_mm_s: (speed) => `faster than ${short(speed)} mm/s`,
+      for_s: (s) => `for ${short(s)} s`,
+    } as Record<string, (value: number, all: Readonly<Record<string, number>>) => string>,
+    goalsAsk: "What each goal asks", errorsCount: "What counts as an error",
 
     train: {
       title: (station: string) => `Training at ${station}`,
@@ -680,7 +706,7 @@ export const text = {
       freezeTitle: "Freeze this plan?", freezeHint: "From then on nobody can change it.",
       saved: "Draft saved", published: "Plan published", frozen: "Plan frozen", previewTitle: "As a trainee sees it",
       inRow: (n: number) => (n === 1 ? "1 pass" : `${n} passes in a row`), passes: "Passes in a row", hands: "Hands", handsOf: { each: "With each hand", one: "With one hand" } as Record<string, string>, due: "Due",
-      after: "Opens after", markTitle: "Pass mark", timeBefore: "All goals in at most", timeAfter: "s", errorsBefore: "Errors: at most", errorsAfter: "",
+      after: "Opens after", markTitle: "Pass mark", timeBefore: "All goals in at most", markSlider: "Pass mark: time", timeAfter: "s", errorsBefore: "Errors: at most", errorsAfter: "",
       source: "Source", sourceHint: "Required, such as: experts, n = 5", sourceNeeded: "Name the source of this mark.", kind: "How it was set",
       kinds: { "by hand": "By hand", "contrasting groups": "Contrasting groups", published: "Published benchmark", "task file": "The task's own" } as Record<string, string>,
       wouldPass: (n: number, of: number) => `${n} of ${of} would pass`, histogram: "Recorded attempts by time", bin: (from: string, to: string, n: number) => `${from} to ${to}: ${n}`,

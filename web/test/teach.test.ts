@@ -3,6 +3,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { levels, missing, sum, SUM_MOST, type Scores, DOMAINS } from "../src/teach/asset";
 import { clipAround, StepTimes, worst } from "../src/teach/model";
+import { sentencesOf } from "../src/teach/limits_words";
 import { add, move, remove, weeksOf } from "../src/teach/plan";
 import { stateOf, type Cell } from "../src/teach/progress";
 import { quantile } from "../src/teach/quantile";
@@ -119,6 +120,11 @@ test("an optic sees along its tilt, up to half its field", () => {
   assert.equal(sees(scope, straight, tip(0, -20)), false);
   const tilted = { tiltDeg: 70, fieldDeg: 90, postDeg: 0 };
   assert.deepEqual([sees(scope, tilted, tip(20, 2)), sees(scope, tilted, tip(0, 20))], [true, false]);
+});
+
+test("what a goal asks is told in sentences, in one order, and an unknown number not at all", () => {
+  assert.deepEqual(sentencesOf({ hold_s: 1, rim_mm: 3, under_share: 0.2, other: 4 }), ["left to remove: at most 20 % of the plan", "remaining rim: at least 3 mm", "held for 1 s"]);
+  assert.deepEqual(sentencesOf({ flexion_from_deg: 60, flexion_to_deg: 100 }), ["flexed 60 to 100°"]);
 });
 
 test("a quantile lies between its neighbours", () => {

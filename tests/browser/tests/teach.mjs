@@ -168,6 +168,7 @@ async function a_director_and_a_rater_open_their_pages(world) {
   const views = [
     ["courses", "#/courses", page.getByRole("heading", { name: course })],
     ["course-plan", `#/courses/${course}/plan`, page.getByText("Library")],
+    ["course-task", `#/courses/${course}/plan`, page.getByText("would pass")],
     ["course-progress", `#/courses/${course}`, page.getByRole("table")],
     ["exams", "#/exams", page.getByRole("link", { name: "Camera" }).first()],
     ["exam", `#/exams/${exam.id}`, page.getByRole("button", { name: "Begin sealed exam" })],
@@ -175,7 +176,9 @@ async function a_director_and_a_rater_open_their_pages(world) {
   ];
   for (const [name, hash, there] of views) {
     await page.goto(`${browser.url}/${hash}`);
+    if (name === "course-task") await page.getByRole("button", { name: /^Palpation/ }).click();
     await there.first().waitFor();
+    if (name === "course-task") await page.getByText("What each goal asks").click();
     await look(world, page, name);
   }
 }

@@ -111,6 +111,9 @@ export interface Mark {
   task_version: number;
 }
 
+/** Numbers of a task's file, by its keys. */
+export type Limits = Readonly<Record<string, number>>;
+
 export interface Task {
   name: string;
   title: string;
@@ -119,7 +122,8 @@ export interface Task {
   limit_s: number;
   in_order: boolean;
   goals: string[];
-  errors: { name: string; sentinel: boolean }[];
+  limits: Limits[]; // of each goal
+  errors: { name: string; sentinel: boolean; limits: Limits }[];
   tools?: string[];
   mark: Mark;
 }

@@ -7,6 +7,7 @@ import { nameInWords } from "../groups";
 import { Await, Badge, Button, confirm, Empty, Field, Head, openDialog, Select, toast, toastFault, useLoaded } from "../kit";
 import { routeTo } from "../router";
 import type { Curricula, Item, Mark, Task } from "../teach/model";
+import { Errors, Goals } from "../teach/limits_words";
 import { add, move, ready, remove, weeksOf } from "../teach/plan";
 import { format, text } from "../text";
 
@@ -75,7 +76,7 @@ function Editor({ app, course, courses, library, plan }: EditorProps) {
         {items.length === 0 && <p class="quiet-text">{words.empty}</p>}
       </section>
       <section class="panel plan-inspector" aria-label={words.inspector}>
-        {item ? <Inspector key={item.task} app={app} course={course} courses={courses} item={item} title={titleOf(item.task)} others={items.filter(({ task }) => task !== item.task).map(({ task }) => task)}
+        {item ? <Inspector key={item.task} app={app} course={course} courses={courses} item={item} task={library.find(({ name }) => name === item.task)} title={titleOf(item.task)} others={items.filter(({ task }) => task !== item.task).map(({ task }) => task)}
           frozen={frozen} titleOf={titleOf} change={(changed) => change(items.map((one) => (one.task === changed.task ? changed : one)))}
           move={(by) => change(move(items, item.task, by, weeks))} remove={() => change(remove(items, item.task))} />
           : <p class="quiet-text">{words.choose}</p>}
@@ -96,6 +97,7 @@ interface InspectorProps {
   course: string;
   courses: readonly string[];
   item: Item;
+  task: Task | undefined;
   title: string;
   others: readonly string[];
   frozen: boolean;
@@ -107,7 +109,7 @@ interface InspectorProps {
 
 const day = (utc: number | null): string => (utc === null ? "" : new Date(utc * 1000).toISOString().slice(0, 10));
 
-function Inspector({ app, course, courses, item, title, others, frozen, titleOf, change, move: moveBy, remove: drop }: InspectorProps) {
+function Inspector({ app, course, courses, item, task, title, others, frozen, titleOf, change, move: moveBy, remove: drop }: InspectorProps) {
   const words = text.teach.plan;
   return <>
     <h2>{title}</h2>
@@ -119,6 +121,8 @@ function Inspector({ app, course, courses, item, title, others, frozen, titleOf,
       <label key={task}><input type="checkbox" checked={item.after.includes(task)} onChange={(event) => change({ ...item, after: event.currentTarget.checked ? [...item.after, task] : item.after.filter((one) => one !== task) })} /> {titleOf(task)}</label>))}</fieldset>}
     {!frozen && <Button class="small" onClick={drop}>{words.remove}</Button>}
     <MarkEditor app={app} course={course} courses={courses} task={item.task} />
+    {task && <details class="plan-groups"><summary>{text.teach.goalsAsk}</summary><Goals task={task} /></details>}
+    {task && <details class="plan-groups"><summary>{text.teach.errorsCount}</summary><Errors task={task} /></details>}
   </>;
 }
 
@@ -175,6 +179,7 @@ function MarkForm({ app, course, courses, task, mark, reload }: { app: App; cour
       <p class="quiet-text">{words.markVersion(mark.version, mark.source)}</p>
       <label class="sentence">{words.timeBefore} <input type="number" min={1} max={3600} value={time} onInput={(event) => setTime(Math.max(1, event.currentTarget.valueAsNumber || 1))} /> {words.timeAfter}</label>
       {trials && <Histogram trials={trials} time={time} />}
+      <input class="range plan-range" type="range" aria-label={words.markSlider} min={1} max={Math.max(60, mark.time_s * 2, trials?.bins.at(-1)?.to_s ?? 0)} step={1} value={time} onInput={(event) => setTime(event.currentTarget.valueAsNumber)} />
       <label class="sentence">{words.errorsBefore} <input type="number" min={0} max={1000} value={errors} onInput={(event) => setErrors(Math.max(0, Math.round(event.currentTarget.valueAsNumber || 0)))} /> {words.errorsAfter}</label>
       {trials && <p class="would-pass number" role="status"><b>{words.wouldPass(trials.would_pass, trials.attempts)}</b></p>}
       <Groups app={app} task={task} courses={courses} course={course} take={(cut, from) => {

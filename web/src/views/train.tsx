@@ -12,6 +12,7 @@ import type { CommandInit } from "../live";
 import { routeTo, type Route } from "../router";
 import { FeedSource } from "../source";
 import { Clip } from "../teach/clip";
+import { Goals } from "../teach/limits_words";
 import { PlanPicture } from "../teach/plan_picture";
 import { attemptOf, beginCommand, helpCommand, leaveCommand, stopCommand, takeCommand } from "../teach/live_attempt";
 import { clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Step, type Task, type Today } from "../teach/model";
@@ -243,7 +244,7 @@ function Briefing({ app, station, live, chosen, back }: { app: App; station: str
       <h2>{task.title}</h2>
       <p class="briefing-words">{task.briefing}</p>
       <div class="briefing-parts">
-        <div><h3>{words.goals}</h3><ol class="goals">{task.goals.map((name) => <li key={name}>{nameInWords(name)}</li>)}</ol>
+        <div><h3>{words.goals}</h3><Goals task={task} />
           {live && task.tools?.includes("punch") && <PlanPicture session={live.source.session} />}</div>
         <div><h3>{words.tools}</h3>
           <ul class="tools">{tools.map(({ name, seen }) => <li key={name} class={seen ? "seen" : ""}><Icon name={seen ? "quiet" : "waiting"} /><span>{words.show(nameInWords(name).toLowerCase())}</span><span class="quiet-text">{seen ? words.ready : words.notSeen}</span></li>)}</ul>

@@ -101,6 +101,14 @@ void message_force(struct message *message, uint64_t time_ns, uint64_t measured_
     encode(message, arthron_session_Force_fields, &m);
 }
 
+void message_loose(struct message *message, uint64_t time_ns, const char *name,
+                   const struct loose_output *loose) {
+    arthron_session_Loose m = {true, stamp_of(time_ns), text_of(name),
+                               text_of(loose_state_name(loose->state)),
+                               text_of(output_carrier_name(loose->carrier))};
+    encode(message, arthron_session_Loose_fields, &m);
+}
+
 void message_resection(struct message *message, uint64_t time_ns, const struct landed *landed) {
     const struct tissue_figures *f = &landed->figures;
     arthron_session_Resection m = {true,

@@ -26,6 +26,9 @@ void message_instrument(struct message *message, uint64_t time_ns, const uint64_
 // force: of kind SAMPLE_FORCE.
 void message_force(struct message *message, uint64_t time_ns, uint64_t measured_ns,
                    const struct sample *force);
+// name: in the case, or "".
+void message_loose(struct message *message, uint64_t time_ns, const char *name,
+                   const struct loose_output *loose);
 void message_resection(struct message *message, uint64_t time_ns, const struct landed *landed);
 void message_marker(struct message *message, uint64_t time_ns, const struct marker *marker);
 void message_log(struct message *message, uint64_t time_ns, bool is_warning, const char *text,

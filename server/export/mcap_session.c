@@ -17,7 +17,13 @@ struct moving_frame {
 };
 
 struct schemas {
-    uint16_t transform, scene, log, joint, instrument, force, marker, resection;
+    uint16_t transform, scene, log, joint, instrument, force, marker, resection, loose;
+};
+
+struct loose_frame {
+    struct moving_frame frame;
+    uint16_t told, mesh; // channels; mesh: where there is a case
+    struct loose_output last;
 };
 
 struct recording {
@@ -32,6 +38,7 @@ struct recording {
     uint16_t group_meshes[2][CASE_GROUPS_MAX];      // physical, virtual
     uint16_t instruments[INSTRUMENT_COUNT], tissues[TISSUES_MAX];
     uint16_t forces[CHANNEL_COUNT];
+    struct loose_frame loose[CASE_LOOSE_MAX];
     uint16_t joint, events, remarks, markers;
     struct tissue_states tissue;
     int next_cut;
@@ -74,7 +81,8 @@ static void add_schemas(struct recording *r) {
                {"arthron.session.Instrument", &r->schemas.instrument},
                {"arthron.session.Force", &r->schemas.force},
                {"arthron.session.Marker", &r->schemas.marker},
-               {"arthron.session.Resection", &r->schemas.resection}};
+               {"arthron.session.Resection", &r->schemas.resection},
+               {"arthron.session.Loose", &r->schemas.loose}};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         *all[i].out = mcap_schema(r->mcap, all[i].name, mcap_schemas, mcap_schemas_size);
 }
@@ -109,6 +117,18 @@ static void add_tissues(struct recording *r) {
     }
 }
 
+static void add_loose(struct recording *r) {
+    for (int i = 0; i < r->contents.header.loose_count; i++) {
+        struct loose_frame *loose = &r->loose[i];
+        char number[16];
+        snprintf(number, sizeof number, "%d", i + 1);
+        add_frame(r, &loose->frame, "loose_", number, "");
+        loose->told = add_channel(r, r->schemas.loose, "/loose/", loose->frame.name);
+        if (case_of(r))
+            loose->mesh = add_channel(r, r->schemas.scene, "/mesh/loose/", loose->frame.name);
+    }
+}
+
 static void add_channels(struct recording *r) {
     add_schemas(r);
     for (int i = 0; i < BODY_COUNT; i++) {
@@ -127,6 +147,7 @@ static void add_channels(struct recording *r) {
     r->remarks = add_channel(r, r->schemas.log, "/", "remarks");
     r->markers = add_channel(r, r->schemas.marker, "/", "markers");
     add_groups(r);
+    add_loose(r);
     if (r->contents.landed)
         add_tissues(r);
 }
@@ -229,6 +250,34 @@ static void send_tool(struct recording *r, uint64_t utc_ns, const struct input_r
     send(r, r->instruments[i], utc_ns);
 }
 
+// When it comes, and when it leaves the knee.
+static void send_loose_mesh(struct recording *r, uint64_t utc_ns, int i, bool is_out) {
+    const struct loose_frame *loose = &r->loose[i];
+    struct mesh mesh;
+    float rgba[4];
+    look_loose(case_of(r)->loose[i].radii_mm, &mesh, rgba);
+    if (is_out)
+        message_no_mesh(&r->message, utc_ns, loose->frame.name);
+    else
+        message_mesh(&r->message, utc_ns, loose->frame.name, loose->frame.name, &mesh, rgba);
+    mesh_fini(&mesh);
+    send(r, loose->mesh, utc_ns);
+}
+
+static void send_loose(struct recording *r, uint64_t utc_ns, int i, const struct loose_output *o) {
+    struct loose_frame *loose = &r->loose[i];
+    bool is_out = o->state == LOOSE_OUT, was_out = loose->last.state == LOOSE_OUT;
+    if (!is_out)
+        send_pose(r, utc_ns, &loose->frame, o->T_mockup_loose);
+    if (case_of(r) && (!r->begun || is_out != was_out))
+        send_loose_mesh(r, utc_ns, i, is_out);
+    if (!r->begun || o->state != loose->last.state || o->carrier != loose->last.carrier) {
+        message_loose(&r->message, utc_ns, case_of(r) ? case_of(r)->loose[i].name : "", o);
+        send(r, loose->told, utc_ns);
+    }
+    loose->last = *o;
+}
+
 static void send_forces(struct recording *r, uint64_t utc_ns, const struct input_row *row) {
     for (int i = 0; i < CHANNEL_COUNT; i++) {
         const struct sample *force = &row->samples[i][SAMPLE_FORCE];
@@ -280,6 +329,8 @@ static bool on_step(void *user, const struct trace_record *record, double second
         send_groups(r, utc_ns);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         send_tool(r, utc_ns, &row, i, &o->instruments[i]);
+    for (int i = 0; i < o->loose_count; i++)
+        send_loose(r, utc_ns, i, &o->loose[i]);
     send_forces(r, utc_ns, &row);
     message_joint(&r->message, utc_ns, o);
     send(r, r->joint, utc_ns);

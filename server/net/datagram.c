@@ -407,24 +407,40 @@ static void queue(struct datagram_endpoint *endpoint, struct datagram_connection
     out->headers[i].msg_hdr.msg_namelen = c->present.size;
 }
 
-// Without its counts of frames where they are what makes it too long, then without those of events,
-// and then without a challenge: the next reply has it too.
+enum { WHOLE, ONE_LOOSE, NO_FRAMES, NO_EVENTS, NO_LOOSE, NO_CHALLENGE };
+
+static void leave_out(arthron_Reply *reply, int what) {
+    switch (what) {
+    case ONE_LOOSE:
+        reply->loose_count = reply->loose_count > 0;
+        break;
+    case NO_FRAMES:
+        reply->has_frames_lost = reply->has_frames_late = false;
+        break;
+    case NO_EVENTS:
+        reply->event_counts_count = 0;
+        break;
+    case NO_LOOSE:
+        reply->loose_count = 0;
+        break;
+    case NO_CHALLENGE:
+        reply->path_challenge = 0;
+        break;
+    default:;
+    }
+}
+
+// What makes it too long is left out, one after the other: the next reply has it too.
 static enum result encode_within(const arthron_Reply *reply, uint64_t challenge, uint8_t *message,
                                  size_t limit, size_t *out_size) {
-    if (!challenge && wire_encode_reply(reply, message, limit, out_size) == RESULT_OK)
-        return RESULT_OK;
     arthron_Reply other = *reply;
     other.path_challenge = challenge;
-    if (challenge && wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)
-        return RESULT_OK;
-    other.has_frames_lost = other.has_frames_late = false;
-    if (wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)
-        return RESULT_OK;
-    other.event_counts_count = 0;
-    if (wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)
-        return RESULT_OK;
-    other.path_challenge = 0;
-    return wire_encode_reply(&other, message, limit, out_size);
+    for (int what = WHOLE; what <= NO_CHALLENGE; what++) {
+        leave_out(&other, what);
+        if (wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)
+            return RESULT_OK;
+    }
+    return RESULT_LIMIT;
 }
 
 static uint64_t challenge_for(const struct datagram_connection *c) {

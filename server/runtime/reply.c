@@ -58,6 +58,38 @@ static void fill_corrections(const struct session_output *output, arthron_Reply 
     }
 }
 
+uint8_t reply_carrier(int carrier) {
+    return (uint8_t)(carrier < BODY_COUNT ? carrier
+                                          : CHANNEL_FIRST_INSTRUMENT + carrier - BODY_COUNT);
+}
+
+// Where it was last in its holder, nobody knows once the holder is not seen: nothing is then told.
+static void fill_carried(const struct session_output *output, int number, arthron_Reply *out) {
+    const struct loose_output *loose = &output->loose[number];
+    int holder = loose->carrier - BODY_COUNT;
+    bool is_out = loose->state == LOOSE_OUT;
+    if (!is_out && holder >= 0 && !output->instruments[holder].present)
+        return;
+    arthron_CarriedLoose *m = &out->loose[out->loose_count++];
+    *m = (arthron_CarriedLoose){.number = (uint8_t)number,
+                                .state = (arthron_LooseMoment_State)loose->state,
+                                .on = reply_carrier(loose->carrier),
+                                .has_pose = !is_out};
+    if (is_out)
+        return;
+    pose T_mockup_carrier = holder < 0 ? output->T_mockup_virtual[loose->carrier]
+                                       : output->instruments[holder].T_mockup_warped;
+    m->pose = wire_short_pose_from(
+        pose_compose(pose_inverse(T_mockup_carrier), loose->T_mockup_loose));
+}
+
+// They take turns: of two in a row there is always the next, even where one has no room.
+static void fill_loose(const struct session_output *output, arthron_Reply *out) {
+    for (int i = 0; i < output->loose_count && i < WIRE_REPLY_LOOSE; i++)
+        fill_carried(output, (int)((output->step + (unsigned)i) % (unsigned)output->loose_count),
+                     out);
+}
+
 void reply_from_output(const struct session_output *output, const struct knee_case *knee,
                        uint64_t frame_number, int64_t frame_time_ns, arthron_Reply *out) {
     memset(out, 0, sizeof *out);
@@ -67,6 +99,7 @@ void reply_from_output(const struct session_output *output, const struct knee_ca
     out->events = output->events;
     fill_instruments(output, knee, out);
     fill_corrections(output, out);
+    fill_loose(output, out);
 }
 
 void reply_session(enum session_state state, const struct knee_case *knee,

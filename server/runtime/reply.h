@@ -11,6 +11,9 @@
 void reply_from_output(const struct session_output *output, const struct knee_case *knee,
                        uint64_t frame_number, int64_t frame_time_ns, arthron_Reply *out_reply);
 
+// A loose body's carrier: a body, or an instrument's channel.
+uint8_t reply_carrier(int carrier);
+
 // The session's state, its case, and how the bones of the case are joined.
 void reply_session(enum session_state state, const struct knee_case *knee,
                    arthron_SessionChange *out_change);

@@ -1,6 +1,7 @@
 #include "runtime/step_snapshot.h"
 
 #include "base/clock.h"
+#include "runtime/reply.h"
 
 #include <math.h>
 #include <string.h>
@@ -94,23 +95,14 @@ void snapshot_forces(struct snapshot_maker *m, const struct metrics *metrics) {
 
 // ---- on the wire --------------------------------------------------------------------------------
 
-static arthron_ShortPose short_pose(pose p) {
-    return (arthron_ShortPose){
-        .q_count = 4,
-        .q = {(float)p.rotation.w, (float)p.rotation.x, (float)p.rotation.y, (float)p.rotation.z},
-        .t_count = 3,
-        .t = {(float)p.translation.x, (float)p.translation.y, (float)p.translation.z},
-    };
-}
-
 static arthron_BodyMoment body_to_wire(const struct step_snapshot *m, int body) {
     const pose *physical = &m->T_mockup_body[body], *seen = &m->T_mockup_virtual[body];
     bool elsewhere = memcmp(physical, seen, sizeof *seen) != 0;
     arthron_BodyMoment message = {.body = (arthron_Body)body, .has_pose = true};
-    message.pose = short_pose(*physical);
+    message.pose = wire_short_pose_from(*physical);
     message.has_virtual_pose = elsewhere;
     if (elsewhere)
-        message.virtual_pose = short_pose(*seen);
+        message.virtual_pose = wire_short_pose_from(*seen);
     return message;
 }
 
@@ -119,9 +111,9 @@ static arthron_InstrumentMoment instrument_to_wire(const struct snapshot_instrum
         .channel = (uint8_t)(CHANNEL_FIRST_INSTRUMENT + index),
         .validity = (arthron_Validity)m->validity,
         .has_tip = true,
-        .tip = short_pose(m->tip),
+        .tip = wire_short_pose_from(m->tip),
         .has_warped = true,
-        .warped = short_pose(m->warped),
+        .warped = wire_short_pose_from(m->warped),
         .nearest_mm = (float)m->nearest_mm,
         .penetration_mm = (float)m->penetration_mm,
         .warp_mm = (float)m->warp_mm,
@@ -136,12 +128,11 @@ static arthron_InstrumentMoment instrument_to_wire(const struct snapshot_instrum
 }
 
 static arthron_LooseMoment loose_to_wire(const struct loose_output *loose) {
-    int on = loose->carrier;
     return (arthron_LooseMoment){
         .state = (arthron_LooseMoment_State)loose->state,
-        .on = (uint32_t)(on < BODY_COUNT ? on : CHANNEL_FIRST_INSTRUMENT + on - BODY_COUNT),
+        .on = reply_carrier(loose->carrier),
         .has_pose = true,
-        .pose = short_pose(loose->T_mockup_loose),
+        .pose = wire_short_pose_from(loose->T_mockup_loose),
     };
 }
 

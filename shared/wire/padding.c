@@ -14,9 +14,10 @@
 #define COUNTS_SIZE (sizeof((arthron_Reply){0}.event_counts) / sizeof(uint32_t) * 6)
 #define CHALLENGE_SIZE 9
 #define FRAMES_SIZE 12 // lost ones and late ones
+#define LOOSE_SIZE (WIRE_REPLY_LOOSE * (arthron_CarriedLoose_size + 2)) // with a tag and a length
 #define REPLY_SIZE                                                                                 \
     (arthron_Reply_size - WIRE_REPLY_INSTRUMENTS * CHANNEL_SPARE - COUNTS_SIZE - CHALLENGE_SIZE -  \
-     FRAMES_SIZE) // these where there is room
+     FRAMES_SIZE - LOOSE_SIZE) // these where there is room
 #define REPLY_EMPTY_SIZE (REPLY_SIZE - WIRE_REPLY_INSTRUMENTS * INSTRUMENT_SIZE)
 #define PADDING_OVERHEAD 3
 

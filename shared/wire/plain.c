@@ -14,6 +14,19 @@ pose wire_pose_to(const arthron_Pose *m) {
     return (pose){{m->qw, m->qx, m->qy, m->qz}, {m->x, m->y, m->z}};
 }
 
+arthron_ShortPose wire_short_pose_from(pose p) {
+    quat q = p.rotation;
+    vec3 t = p.translation;
+    return (arthron_ShortPose){.q_count = 4,
+                               .q = {(float)q.w, (float)q.x, (float)q.y, (float)q.z},
+                               .t_count = 3,
+                               .t = {(float)t.x, (float)t.y, (float)t.z}};
+}
+
+pose wire_short_pose_to(const arthron_ShortPose *m) {
+    return (pose){{m->q[0], m->q[1], m->q[2], m->q[3]}, {m->t[0], m->t[1], m->t[2]}};
+}
+
 arthron_Joint wire_joint_from(const struct joint_angles *a) {
     return (arthron_Joint){a->flexion_deg, a->varus_deg, a->internal_deg,
                            a->shift_mm,    a->drawer_mm, a->distraction_mm};

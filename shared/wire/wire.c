@@ -18,8 +18,11 @@ _Static_assert(sizeof((arthron_Hello){0}.instruments) / sizeof(arthron_Instrumen
                    sizeof((arthron_LiveSession){0}.instruments) / sizeof(arthron_Instrument) ==
                        INSTRUMENT_COUNT &&
                    sizeof((arthron_Reply){0}.instruments) / sizeof(arthron_WarpedInstrument) ==
-                       WIRE_REPLY_INSTRUMENTS,
-               "as many instruments as the schema has room for");
+                       WIRE_REPLY_INSTRUMENTS &&
+                   sizeof((arthron_Reply){0}.loose) / sizeof(arthron_CarriedLoose) ==
+                       WIRE_REPLY_LOOSE &&
+                   sizeof((arthron_View){0}.loose) / sizeof(arthron_ViewLoose) == WIRE_LOOSE_MAX,
+               "as many instruments and loose bodies as the schema has room for");
 _Static_assert((int)_arthron_Validity_ARRAYSIZE == VALIDITY_COUNT &&
                    (int)arthron_Validity_HELD == VALIDITY_HELD,
                "validities on the wire are those of base/sample.h");
@@ -172,6 +175,24 @@ static enum result correction_check(const arthron_Correction *m, struct error *e
     return result;
 }
 
+static enum result loose_check(const arthron_CarriedLoose *m, struct error *err) {
+    const arthron_ShortPose *p = &m->pose;
+    bool lies = m->state == arthron_LooseMoment_State_LYING;
+    enum result result = enum_check("number", (int)m->number, WIRE_LOOSE_MAX, err);
+    if (result == RESULT_OK)
+        result =
+            enum_check("state", (int)m->state, _arthron_LooseMoment_State_ARRAYSIZE, err);
+    if (result == RESULT_OK)
+        result = enum_check("on", (int)m->on, lies ? _arthron_Body_ARRAYSIZE : CHANNEL_COUNT, err);
+    if (result != RESULT_OK || m->state == arthron_LooseMoment_State_OUT)
+        return result;
+    if (!lies && m->on < CHANNEL_FIRST_INSTRUMENT)
+        return fail(err, RESULT_FORMAT, "it is held by no instrument");
+    if (!m->has_pose || p->q_count != 4 || p->t_count != 3 || !pose_is_valid(wire_short_pose_to(p)))
+        return fail(err, RESULT_FORMAT, "pose is not one");
+    return RESULT_OK;
+}
+
 static enum result reply_check(const arthron_Reply *m, struct error *err) {
     enum result result = enum_check("state", (int)m->state, _arthron_SessionState_ARRAYSIZE, err);
     for (int i = 0; result == RESULT_OK && i < m->instruments_count; i++) {
@@ -183,6 +204,11 @@ static enum result reply_check(const arthron_Reply *m, struct error *err) {
         result = correction_check(&m->corrections[i], err);
         if (result != RESULT_OK)
             return fail_in(err, result, "correction %d: ", i);
+    }
+    for (int i = 0; result == RESULT_OK && i < m->loose_count; i++) {
+        result = loose_check(&m->loose[i], err);
+        if (result != RESULT_OK)
+            return fail_in(err, result, "loose body %d: ", i);
     }
     return result;
 }

@@ -24,6 +24,8 @@
 #define WIRE_DEVICES_MAX 16           // in Hello, and so in a sample's index
 #define WIRE_SAMPLES_WITHOUT_FORCE 16 // in a Frame to a server without the capability "force"
 #define WIRE_REPLY_INSTRUMENTS 5      // in a Reply; where more are present, they take turns
+#define WIRE_REPLY_LOOSE 2            // in a Reply; where a case has more, they take turns
+#define WIRE_LOOSE_MAX 8              // loose bodies of a case
 
 // Largest encoded message of each kind. A longer one is refused before it is decoded.
 #define WIRE_CONTROL_MAX 8192
@@ -59,6 +61,8 @@ enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t 
 //   a Hello's residuals are not negative, and its instruments are good descriptions;
 //   a Control's Marker passes wire_marker_to;
 //   each instrument of a Reply that is not lost has a finite pose and a finite extrapolation;
+//   each loose body of a Reply has a number below WIRE_LOOSE_MAX and a carrier, and a finite pose
+//   unless it is OUT;
 //   corrections are poses, a SessionChange's knee is valid, and a CommandReply's joint is finite.
 // The handler of a Command looks up the names in it (stations, cases, sessions, files). A message
 // of a kind that this version does not know is RESULT_OK with which_message == 0: skip and count
@@ -131,3 +135,5 @@ arthron_Joint wire_joint_from(const struct joint_angles *angles);
 struct joint_angles wire_joint_to(const arthron_Joint *message);
 arthron_Pose wire_pose_from(pose p);
 pose wire_pose_to(const arthron_Pose *message);
+arthron_ShortPose wire_short_pose_from(pose p);
+pose wire_short_pose_to(const arthron_ShortPose *message); // of four and three finite numbers

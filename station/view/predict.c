@@ -34,6 +34,14 @@ struct prediction {
     pose T_body_sent; // the tip in the frame that was answered
 };
 
+// The last answer about a loose body.
+struct carried {
+    bool known;
+    arthron_LooseMoment_State state;
+    int on; // a bone, or an instrument's channel
+    pose T_carrier_loose;
+};
+
 struct predict {
     arthron_SessionState state;
     char case_name[64];
@@ -45,6 +53,7 @@ struct predict {
     int64_t answered_ns; // its time
     int64_t way_ns;      // how old answers have lately been when they came
     struct prediction answers[INSTRUMENT_COUNT];
+    struct carried loose[WIRE_LOOSE_MAX];
     pose T_body_virtual[BONE_COUNT];
     double warp_mm;
     uint64_t connection;
@@ -55,6 +64,7 @@ struct predict {
 
 static void forget_answers(struct predict *p) {
     memset(p->answers, 0, sizeof p->answers);
+    memset(p->loose, 0, sizeof p->loose);
     memset(p->sent, 0, sizeof p->sent);
     p->way_ns = 0;
     for (int i = 0; i < BONE_COUNT; i++)
@@ -149,6 +159,15 @@ static void take_instrument(struct predict *p, const struct sent_frame *sent,
     p->warp_mm = fmax(p->warp_mm, warp_mm);
 }
 
+static void take_loose(struct predict *p, const arthron_CarriedLoose *m) {
+    struct carried *loose = &p->loose[m->number];
+    *loose = (struct carried){.known = true, .state = m->state, .on = m->on};
+    if (m->state == arthron_LooseMoment_State_OUT)
+        return;
+    loose->T_carrier_loose = wire_short_pose_to(&m->pose);
+    loose->T_carrier_loose.rotation = quat_unit(loose->T_carrier_loose.rotation);
+}
+
 // The longest way counts at once, and is forgotten slowly.
 static void note_way(struct predict *p, int64_t sent_ns) {
     int64_t way_ns = p->frame.time_ns - sent_ns;
@@ -185,6 +204,8 @@ bool predict_reply(struct predict *p, const arthron_Reply *reply) {
     for (pb_size_t i = 0; i < reply->corrections_count; i++)
         p->T_body_virtual[reply->corrections[i].body] =
             wire_pose_to(&reply->corrections[i].correction);
+    for (pb_size_t i = 0; i < reply->loose_count; i++)
+        take_loose(p, &reply->loose[i]);
     return true;
 }
 
@@ -272,6 +293,39 @@ static void show_bones(const struct predict *p, arthron_View *view) {
     }
 }
 
+// Where what carries it is shown. False: it is not.
+static bool shown_carrier(const struct carried *loose, const arthron_View *view, pose *out) {
+    if (loose->state == arthron_LooseMoment_State_LYING) {
+        *out = wire_pose_to(&view->bodies[loose->on].virtual_pose);
+        return true;
+    }
+    for (pb_size_t i = 0; i < view->instruments_count; i++) {
+        const arthron_ViewInstrument *instrument = &view->instruments[i];
+        if (instrument->channel != loose->on || !instrument->has_warped)
+            continue;
+        *out = wire_pose_to(&instrument->warped);
+        return true;
+    }
+    return false;
+}
+
+static void show_loose(const struct predict *p, arthron_View *view) {
+    bool good = answer_validity(p) != arthron_Validity_LOST;
+    for (int i = 0; i < WIRE_LOOSE_MAX; i++) {
+        const struct carried *loose = &p->loose[i];
+        pose T_mockup_carrier;
+        if (!loose->known)
+            continue;
+        arthron_ViewLoose *out = &view->loose[view->loose_count++];
+        *out = (arthron_ViewLoose){
+            .number = (uint8_t)i, .state = loose->state, .on = (uint8_t)loose->on};
+        out->has_pose = good && loose->state != arthron_LooseMoment_State_OUT &&
+                        shown_carrier(loose, view, &T_mockup_carrier);
+        if (out->has_pose)
+            out->pose = wire_pose_from(pose_compose(T_mockup_carrier, loose->T_carrier_loose));
+    }
+}
+
 void predict_view(const struct predict *p, arthron_View *view) {
     memset(view, 0, sizeof *view);
     view->time_ns = p->frame.time_ns;
@@ -282,6 +336,7 @@ void predict_view(const struct predict *p, arthron_View *view) {
     for (int i = 0; i < p->frame.count; i++)
         if (p->frame.samples[i].channel >= CHANNEL_FIRST_INSTRUMENT)
             show_instrument(p, &p->frame.samples[i], view);
+    show_loose(p, view);
     view->events_count = EVENT_BITS;
     memcpy(view->events, p->events, sizeof view->events);
 }

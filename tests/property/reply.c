@@ -11,6 +11,7 @@
 
 #define STEPS 400
 #define PROBE 0 // of a step's instruments
+#define LOOSE 3 // one more than a reply tells
 
 struct rig {
     struct scene *scene;
@@ -19,8 +20,11 @@ struct rig {
     struct random random;
     struct session_input input;
     struct session_output output;
+    pose T_carrier_loose[LOOSE];
     int warped, turned, corrected, bodies[BODY_COUNT];
 };
+
+static const int carriers[LOOSE] = {BODY_TIBIA, BODY_COUNT + PROBE, BODY_FEMUR};
 
 // ---- both sides ---------------------------------------------------------------------------------
 
@@ -52,6 +56,8 @@ static void open_rig(struct rig *h, enum avatar_mode mode) {
     settings.field = field_default(FIELD_INVERSE_DISTANCE);
     h->session = session_create(h->scene, &settings);
     h->predict = predict_create();
+    for (int i = 0; i < LOOSE; i++)
+        h->T_carrier_loose[i] = random_pose(&h->random, 20);
     tell_session(h);
     h->input = (struct session_input){.kind = INPUT_START, .time_ns = 1};
     session_step(h->session, &h->input, &h->output);
@@ -63,15 +69,31 @@ static void close_rig(struct rig *h) {
     scene_destroy(&h->scene);
 }
 
+// Three loose bodies that go along, one of them with the probe as shown.
+static void carry(struct rig *h) {
+    struct session_output *o = &h->output;
+    o->loose_count = LOOSE;
+    for (int i = 0; i < LOOSE; i++) {
+        bool held = carriers[i] >= BODY_COUNT;
+        pose T_mockup_carrier =
+            held ? o->instruments[PROBE].T_mockup_warped : o->T_mockup_virtual[carriers[i]];
+        o->loose[i] =
+            (struct loose_output){held ? LOOSE_HELD : LOOSE_LYING, carriers[i],
+                                  pose_compose(T_mockup_carrier, h->T_carrier_loose[i])};
+    }
+}
+
 static void answer(struct rig *h) {
     const struct frame *frame = &h->input.frame;
     arthron_Reply reply;
     uint8_t bytes[WIRE_DATAGRAM_MAX];
     size_t size;
     session_step(h->session, &h->input, &h->output);
+    carry(h);
     reply_from_output(&h->output, scene_case(h->scene), frame->number, frame->time_ns, &reply);
     assert_int_equal(wire_encode_reply(&reply, bytes, sizeof bytes, &size), RESULT_OK);
     assert_int_equal(wire_decode_reply(bytes, size, &reply, NULL), RESULT_OK);
+    assert_int_equal(reply.loose_count, WIRE_REPLY_LOOSE);
     assert_true(predict_reply(h->predict, &reply));
 }
 
@@ -128,6 +150,21 @@ static void assert_bones(const struct rig *h, const arthron_View *view, pose T_m
     }
 }
 
+// All of them are known once they had their turns.
+static void assert_loose(const struct rig *h, const arthron_View *view, pose T_moved) {
+    if (h->input.frame.number < LOOSE)
+        return;
+    assert_int_equal(view->loose_count, LOOSE);
+    for (int i = 0; i < LOOSE; i++) {
+        const arthron_ViewLoose *loose = &view->loose[i];
+        assert_int_equal(loose->number, i);
+        assert_int_equal(loose->state, h->output.loose[i].state);
+        assert_int_equal(loose->on, carriers[i] < BODY_COUNT ? carriers[i] : CHANNEL_PROBE);
+        assert_true(loose->has_pose);
+        assert_shown(&loose->pose, pose_compose(T_moved, h->output.loose[i].T_mockup_loose), 5e-5);
+    }
+}
+
 // The hand goes on while the bones stay: the server's own way of going on.
 static void hand_moves(struct rig *h, pose T_mockup_tip) {
     const struct instrument_output *o = &h->output.instruments[PROBE];
@@ -157,6 +194,7 @@ static void knee_moves(struct rig *h, pose T_mockup_tip) {
     now.samples[2].T_mockup_body = pose_compose(T_moved, T_mockup_tip);
     arthron_View view = show(h, &now);
     assert_bones(h, &view, T_moved);
+    assert_loose(h, &view, T_moved);
     assert_shown(&view.instruments[0].warped, pose_compose(T_moved, o->T_mockup_warped), 1e-5);
 }
 
@@ -188,6 +226,7 @@ static void step(struct rig *h, uint64_t number) {
     assert_shown(&view.instruments[0].tip, T_mockup_tip, 0);
     assert_shown(&view.instruments[0].warped, o->T_mockup_warped, 1e-5);
     assert_bones(h, &view, pose_identity());
+    assert_loose(h, &view, pose_identity());
     hand_moves(h, T_mockup_tip);
     knee_moves(h, T_mockup_tip);
     count(h);

@@ -20,6 +20,14 @@ FIGURES = {"cuts": "cuts", "refused": "cuts_refused", "volumeMm3": "volume_mm3",
            "touchedUnseenMm3": "touched_unseen_mm3"}
 
 
+def read_recording(path):
+    done = subprocess.run([os.environ.get("ARTHRON_NODE") or shutil.which("node"), READER, path], capture_output=True,
+                          text=True, timeout=60)
+    if done.returncode != 0:
+        raise AssertionError(done.stderr)
+    return json.loads(done.stdout)
+
+
 class Recordings(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -38,11 +46,7 @@ class Recordings(unittest.TestCase):
     def read(cls, trace, *options):
         out = os.path.join(cls.folder.name, "a.mcap")
         call("arthron-trace", "export", trace, "--mcap", out, *options)
-        done = subprocess.run([os.environ.get("ARTHRON_NODE") or shutil.which("node"), READER, out], capture_output=True,
-                              text=True, timeout=60)
-        if done.returncode != 0:
-            raise AssertionError(done.stderr)
-        return json.loads(done.stdout)
+        return read_recording(out)
 
     @classmethod
     def table(cls, *options):

@@ -56,6 +56,12 @@ def instrument(data):
     }
 
 
+def loose(data):
+    values = one(data)
+    return {"state": ("lying", "held", "out")[values.get(2, 0)], "on": values.get(3, 0),
+            "pose": pose(values[4]) if 4 in values else None}
+
+
 def view(data):
     """A View message: the parts that tests look at."""
     values = one(data)
@@ -66,6 +72,7 @@ def view(data):
         "case": values.get(4, b"").decode(),
         "bodies": [{"validity": VALIDITIES[b.get(2, 0)], "pose": pose(b[3]), "virtual": pose(b[4])} for b in bodies],
         "instruments": {one(v).get(1, 0): instrument(v) for n, v in fields(data) if n == 7},
+        "loose": {one(v).get(1, 0): loose(v) for n, v in fields(data) if n == 9},
     }
 
 

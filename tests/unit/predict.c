@@ -538,6 +538,54 @@ static void a_corrected_bone_is_shown_where_its_ligaments_let_it(void **state) {
     assert_pose_near(&view.bodies[1].virtual_pose, tibia_of(&now), 1e-9);
 }
 
+static arthron_Reply reply_about_loose(uint64_t number, const struct moment *m,
+                                       arthron_LooseMoment_State state) {
+    struct random random = {16};
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    arthron_Reply reply = reply_to(number, m, &extrapolation);
+    reply.loose_count = 1;
+    reply.loose[0] =
+        (arthron_CarriedLoose){.number = 4, .state = state, .on = CHANNEL_PROBE, .has_pose = true};
+    reply.loose[0].pose = wire_short_pose_from(random_pose(&random, 10));
+    return reply;
+}
+
+static void a_held_loose_body_goes_along_and_has_no_place_without_its_holder(void **state) {
+    (void)state;
+    struct random random = {15};
+    struct moment m = some_moment(&random);
+    pass(&m, 1, 1000, true);
+    arthron_Reply reply = reply_about_loose(1, &m, arthron_LooseMoment_State_HELD);
+    predict_reply(predict, &reply);
+    arthron_View view = view_now();
+    assert_int_equal(view.loose_count, 1);
+    assert_int_equal(view.loose[0].number, 4);
+    assert_int_equal(view.loose[0].on, CHANNEL_PROBE);
+    assert_true(view.loose[0].has_pose);
+    pose T_warped_loose = wire_short_pose_to(&reply.loose[0].pose);
+    assert_pose_near(&view.loose[0].pose,
+                     pose_compose(wire_pose_to(&view.instruments[0].warped), T_warped_loose), 1e-5);
+    pass(&m, 2, 1000 + PREDICT_LOST_NS + 1, false); // no answer any more
+    view = view_now();
+    assert_int_equal(view.loose_count, 1);
+    assert_false(view.loose[0].has_pose);
+}
+
+static void a_loose_body_that_is_out_has_no_place_and_another_case_has_none(void **state) {
+    (void)state;
+    struct random random = {17};
+    struct moment m = some_moment(&random);
+    pass(&m, 1, 1000, true);
+    arthron_Reply reply = reply_about_loose(1, &m, arthron_LooseMoment_State_OUT);
+    predict_reply(predict, &reply);
+    arthron_View view = view_now();
+    assert_int_equal(view.loose[0].state, arthron_LooseMoment_State_OUT);
+    assert_false(view.loose[0].has_pose);
+    predict_session(predict, arthron_SessionState_RUNNING, "other", 99, &knee);
+    view = view_now();
+    assert_int_equal(view.loose_count, 0);
+}
+
 int main(void) {
 #define WITH_A_KNEE(test) cmocka_unit_test_setup_teardown(test, begin, end)
     const struct CMUnitTest tests[] = {
@@ -555,6 +603,8 @@ int main(void) {
         WITH_A_KNEE(another_case_makes_all_answers_void),
         WITH_A_KNEE(an_instrument_that_an_answer_leaves_out_has_none),
         WITH_A_KNEE(a_lost_instrument_has_neither_pose),
+        WITH_A_KNEE(a_held_loose_body_goes_along_and_has_no_place_without_its_holder),
+        WITH_A_KNEE(a_loose_body_that_is_out_has_no_place_and_another_case_has_none),
         WITH_A_KNEE(bones_hang_on_the_femur_by_the_joint),
         WITH_A_KNEE(tracked_bones_are_where_they_are_seen_and_stay_there),
         WITH_A_KNEE(the_patella_follows_a_tracked_tibia_too),

@@ -350,7 +350,12 @@ static void a_reply_gives_up_its_counts_before_it_is_too_long(void **state) {
     arthron_Reply reply = reply_to(1, true);
     uint8_t message[WIRE_DATAGRAM_MAX];
     size_t without, with;
+    for (int i = 0; i < WIRE_REPLY_LOOSE; i++)
+        reply.loose[i] = (arthron_CarriedLoose){
+            .number = (uint8_t)(i + 1), .state = arthron_LooseMoment_State_OUT};
+    reply.loose_count = 1;
     wire_encode_reply(&reply, message, sizeof message, &without);
+    reply.loose_count = WIRE_REPLY_LOOSE;
     reply.event_counts_count = 9;
     reply.event_counts[8] = 300;
     reply.has_frames_lost = true;
@@ -369,6 +374,8 @@ static void a_reply_gives_up_its_counts_before_it_is_too_long(void **state) {
         assert_true(!fits || heard.event_counts[8] == 300);
         assert_int_equal(heard.has_frames_lost, fits);
         assert_int_equal(heard.frames_lost, fits ? 70000 : 0);
+        assert_int_equal(heard.loose_count, fits ? 2 : 1);
+        assert_int_equal(heard.loose[0].number, 1);
     }
     assert_int_equal(datagram_counts(endpoint).too_long, 0);
     close_station(&s);

@@ -540,6 +540,37 @@ static void poses_of_a_reply_that_are_none_are_refused(void **state) {
     free(m);
 }
 
+static void loose_bodies_that_nothing_carries_are_refused(void **state) {
+    (void)state;
+    arthron_Control *m = malloc(sizeof *m);
+    arthron_CarriedLoose *loose = &m->message.reply.loose[0];
+    fill_control(arthron_Control_reply_tag, m);
+    loose->number = WIRE_LOOSE_MAX;
+    assert_control_refused(m, "loose body 0: number");
+    fill_control(arthron_Control_reply_tag, m);
+    loose->state = (arthron_LooseMoment_State)3;
+    assert_control_refused(m, "loose body 0: state");
+    fill_control(arthron_Control_reply_tag, m);
+    loose->on = CHANNEL_COUNT;
+    assert_control_refused(m, "loose body 0: on");
+    fill_control(arthron_Control_reply_tag, m);
+    loose->on = CHANNEL_TIBIA;
+    assert_control_refused(m, "loose body 0: it is held by no instrument");
+    fill_control(arthron_Control_reply_tag, m);
+    loose->state = arthron_LooseMoment_State_LYING;
+    assert_control_refused(m, "loose body 0: on");
+    fill_control(arthron_Control_reply_tag, m);
+    loose->pose.t_count = 2;
+    assert_control_refused(m, "loose body 0: pose");
+    fill_control(arthron_Control_reply_tag, m);
+    loose->pose.q[0] = NAN;
+    assert_control_refused(m, "loose body 0: pose");
+    fill_control(arthron_Control_reply_tag, m);
+    loose->has_pose = false;
+    assert_control_refused(m, "loose body 0: pose");
+    free(m);
+}
+
 static void assert_lead_refused(int mode, void (*spoil)(arthron_WarpedInstrument *),
                                 const char *text) {
     arthron_Control *m = malloc(sizeof *m);
@@ -759,6 +790,7 @@ int main(void) {
         cmocka_unit_test(a_console_command_that_is_no_enum_is_refused),
         cmocka_unit_test(a_joint_reading_that_is_no_pose_is_refused),
         cmocka_unit_test(poses_of_a_reply_that_are_none_are_refused),
+        cmocka_unit_test(loose_bodies_that_nothing_carries_are_refused),
         cmocka_unit_test(leads_that_are_none_are_refused),
         cmocka_unit_test(a_lead_comes_back_as_floats),
         cmocka_unit_test(knees_that_are_none_are_refused),

@@ -94,6 +94,13 @@ arthron_Reply full_reply(void) {
     reply.path_challenge = UINT64_MAX;
     reply.has_frames_lost = reply.has_frames_late = true;
     reply.frames_lost = reply.frames_late = UINT32_MAX;
+    reply.loose_count = 1; // with two it is too long for a datagram
+    reply.loose[0] =
+        (arthron_CarriedLoose){.number = WIRE_LOOSE_MAX - 1,
+                               .state = arthron_LooseMoment_State_HELD,
+                               .on = CHANNEL_COUNT - 1,
+                               .has_pose = true,
+                               .pose = {4, {0.5f, 0.5f, -0.5f, 0.5f}, 3, {1e3f, -2e3f, 3e-3f}}};
     return reply;
 }
 

@@ -15,7 +15,7 @@
 #define TOOL_RADIUS_MM 1.0
 #define SLIP_MM 3.0 // what a bone takes from a jaw's hold before it slips out
 #define LEVER_LEAST 0.1
-#define PASSES_MAX 24
+#define PASSES_MAX 6
 #define GRASPED_BEYOND 0.5 // the jaw's tip, of the body's half width
 #define SPARED_BEYOND 2.0  // so that a jaw that comes from behind does not push it along
 #define OUTSIDE_MM 60.0    // from all bones, where the case has no portal
@@ -59,7 +59,7 @@ void loose_reset(struct loose *loose) {
         struct loose_one *one = &loose->bodies[i];
         one->carrier = loose->knee->loose[i].body;
         one->T_carrier = loose->ground->first[i];
-        memset(&one->hints, 0xff, sizeof one->hints); // MESH_NONE
+        loose_hints_init(&one->hints);
     }
 }
 
@@ -104,7 +104,8 @@ static vec3 freed(const struct stepping *s, int i, pose T) {
             if (s->cut >> ground->surfaces[k].group & 1)
                 continue;
             struct loose_contact c =
-                loose_contact_with(ground, k, s->out->T_mockup_virtual, radii_of(s, i), T, hints);
+                loose_contact_with(ground, k, s->out->T_mockup_virtual, radii_of(s, i), T,
+                                   -TOLERANCE_MM, hints);
             if (c.gap >= -TOLERANCE_MM)
                 continue;
             T.translation = vec3_add_scaled(T.translation, -c.gap, c.normal);
@@ -320,7 +321,7 @@ static bool is_wedged(const struct stepping *s, int i, pose T) {
     for (int k = 0; k < ground->count; k++)
         if (!(s->cut >> ground->surfaces[k].group & 1))
             touched += loose_contact_with(ground, k, s->out->T_mockup_virtual, radii_of(s, i), T,
-                                          &s->loose->bodies[i].hints)
+                                          REST_MM, &s->loose->bodies[i].hints)
                            .gap <= REST_MM;
     return touched > 1;
 }

@@ -18,18 +18,32 @@ static bool is_far(const struct box *box, vec3 p) {
            p.z < box->min.z - LOOSE_FAR_MM || p.z > box->max.z + LOOSE_FAR_MM;
 }
 
+void loose_hints_init(struct loose_hints *hints) {
+    for (int i = 0; i < CASE_GROUPS_MAX; i++) {
+        hints->triangle[i] = MESH_NONE;
+        hints->distance[i] = NAN;
+    }
+}
+
+static double least_gap(const struct loose_hints *hints, int surface, vec3 radii_mm, vec3 p) {
+    double widest = fmax(radii_mm.x, fmax(radii_mm.y, radii_mm.z));
+    return hints->distance[surface] - vec3_distance(hints->at[surface], p) - widest;
+}
+
 struct loose_contact loose_contact_with(const struct loose_ground *ground, int surface,
                                         const pose T_frame_body[BODY_COUNT], vec3 radii_mm, pose T,
-                                        struct loose_hints *hints) {
+                                        double wanted_mm, struct loose_hints *hints) {
     const struct loose_surface *s = &ground->surfaces[surface];
     const pose *T_frame_surface = &T_frame_body[s->body];
     vec3 p = pose_apply_inverse(*T_frame_surface, T.translation);
     struct closest c;
-    uint32_t *hint = &hints->triangle[surface];
-    if (is_far(&s->solid.box, p) || !query_closest(s->solid.query, p, INFINITY, *hint, &c))
+    if (is_far(&s->solid.box, p) || least_gap(hints, surface, radii_mm, p) > wanted_mm ||
+        !query_closest(s->solid.query, p, INFINITY, hints->triangle[surface], &c))
         return (struct loose_contact){-1, INFINITY, {0, 0, 1}};
-    *hint = c.triangle;
     double distance = solid_signed(&s->solid, p, &c);
+    hints->triangle[surface] = c.triangle;
+    hints->distance[surface] = distance;
+    hints->at[surface] = p;
     vec3 way = vec3_scale(distance < 0 ? -1 : 1, vec3_sub(p, c.point));
     vec3 normal = vec3_unit_or(way, s->solid.face_normals[c.triangle]);
     normal = quat_rotate(T_frame_surface->rotation, normal);
@@ -44,7 +58,8 @@ struct loose_contact loose_nearest(const struct loose_ground *ground, uint32_t c
     for (int i = 0; i < ground->count; i++) {
         if (cut >> ground->surfaces[i].group & 1)
             continue;
-        struct loose_contact c = loose_contact_with(ground, i, T_frame_body, radii_mm, T, hints);
+        struct loose_contact c =
+            loose_contact_with(ground, i, T_frame_body, radii_mm, T, nearest.gap, hints);
         if (c.gap < nearest.gap)
             nearest = c;
     }

@@ -15,10 +15,15 @@ struct loose_ground {
     pose first[CASE_LOOSE_MAX]; // T_body_loose: where each lies at first
 };
 
-// The triangles of earlier answers, from which searches start.
+// Earlier answers of each surface: the triangle from which the next search starts, and the signed
+// distance at a point of the surface's body. From there it changes by no more than the way.
 struct loose_hints {
-    uint32_t triangle[CASE_GROUPS_MAX];
+    uint32_t triangle[CASE_GROUPS_MAX]; // MESH_NONE
+    double distance[CASE_GROUPS_MAX];   // NAN
+    vec3 at[CASE_GROUPS_MAX];
 };
+
+void loose_hints_init(struct loose_hints *hints); // no answers
 
 // One ellipsoid beside one surface, by the plane of the surface's closest point.
 struct loose_contact {
@@ -30,11 +35,12 @@ struct loose_contact {
 // The half width of an ellipsoid along a unit vector.
 double loose_reach(vec3 radii_mm, quat rotation, vec3 direction);
 
-// Beside one surface, farther than LOOSE_FAR_MM: gap INFINITY.
+// Beside one surface. Farther than LOOSE_FAR_MM, or where earlier answers say that the gap is above
+// `wanted_mm`: gap INFINITY.
 #define LOOSE_FAR_MM 80.0
 struct loose_contact loose_contact_with(const struct loose_ground *ground, int surface,
                                         const pose T_frame_body[BODY_COUNT], vec3 radii_mm, pose T,
-                                        struct loose_hints *hints);
+                                        double wanted_mm, struct loose_hints *hints);
 
 // The nearest of all but those of groups that were cut.
 struct loose_contact loose_nearest(const struct loose_ground *ground, uint32_t cut,

@@ -7,6 +7,7 @@
 #include "generate/generate.h"
 #include "landmarks/landmarks.h"
 #include "lives/lives.h"
+#include "loose.h"
 #include "random.h"
 #include "rehearsal/play.h"
 #include "rehearsal/rehearsal.h"
@@ -350,6 +351,8 @@ enum result bench_tasks(const struct bench_options *options, struct report *repo
         result = fail(err, RESULT_MISSING, "there is no such task");
     if (result == RESULT_OK)
         tell(m);
+    if (result == RESULT_OK && !options->input_count)
+        result = loose_measure(report, err);
     drop_case(m);
     folder_remove(m->dir);
     free(m);

@@ -145,6 +145,11 @@ void trace_reader_bind(struct trace_reader *r, const struct scene *scene) {
     r->torn = knee->torn_count;
     for (int i = 0; i < r->tissues; i++)
         r->tissue_vertices[i] = knee->groups[scene_tissue_group(scene, i)].mesh.vertex_count;
+    if (r->state == RESULT_OK && r->header.version >= TRACE_FIRST_WITH_ATTEMPTS &&
+        r->header.loose_count != knee->loose_count)
+        r->state =
+            fail(&r->why, RESULT_FORMAT, "%s: it is of a case with %d loose bodies, and %s has %d",
+                 r->path, r->header.loose_count, knee->name, knee->loose_count);
 }
 
 static enum result check_indexes(const struct trace_reader *r, const struct session_output *o,

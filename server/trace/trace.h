@@ -268,7 +268,7 @@ enum result trace_skip_damage(struct trace_reader *reader, uint64_t *out_bytes, 
 bool trace_ends_torn(struct trace_reader *reader);
 
 // From now on a record with a tissue, a group or a torn ligament that the scene lacks is
-// RESULT_FORMAT. The scene must be of the case on which the trace was recorded.
+// RESULT_FORMAT; so is the first record where the case has not as many loose bodies as the trace. The scene must be of the case on which the trace was recorded.
 void trace_reader_bind(struct trace_reader *reader, const struct scene *scene);
 
 // Whether a trace lacks its end record and is of a version that a server could still give one.

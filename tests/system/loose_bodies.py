@@ -141,6 +141,8 @@ class Loose(SystemTest):
         found = judged()
         self.assertEqual((found["verdict"], found["error_count"]), ("passed", 0))
         self.assertEqual(call_json("arthron-trace", "replay", trace)["verdict"], "identical")
+        other = call("arthron-trace", "judge", trace, "--case", os.path.join(CASES, "healthy"), code=1)
+        self.assertIn("it is of a case with 3 loose bodies, and healthy has 0", other.stderr)
         rows = list(csv.DictReader(io.StringIO(call("arthron-trace", "export", trace, "--csv", "-").stdout)))
         self.assertEqual([row["loose_1_state"] for row in (rows[0], rows[-1])], ["lying", "out"])
         self.assertEqual({row["loose_1_on"] for row in rows if row["loose_1_state"] == "held"}, {"grasper"})

@@ -2,7 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
-#include "store/attempts.h"
+#include "store/exams.h"
 #include "study/tables.h"
 
 #include <archive.h>
@@ -223,8 +223,11 @@ static enum result take_belongings(struct writing *w, struct error *err) {
     const char *session;
     json_t *numbers;
     json_object_foreach(w->sessions, session, numbers) {
+        bool withheld = false;
         result = store_rows(w->store, LIST_RATINGS, session, take_rating, w, err);
         if (result == RESULT_OK)
+            result = store_is_withheld(w->store, session, &withheld, err);
+        if (result == RESULT_OK && !withheld)
             result = store_rows(w->store, LIST_RESULTS, session, take_result, w, err);
         if (result != RESULT_OK)
             break;

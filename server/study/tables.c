@@ -112,7 +112,9 @@ static const struct study_column results[] = {
 const struct study_table study_tables[TABLE_COUNT] = {
     [TABLE_ATTEMPTS] = {"attempts.csv", "attempts, newest first", attempts},
     [TABLE_FIGURES] = {"figures.csv", "figures of attempts", figures},
-    [TABLE_ERRORS] = {"errors.csv", "occurrences of errors", errors},
+    [TABLE_ERRORS] = {"errors.csv",
+                      "occurrences of errors: the first 64 of an attempt, whose row counts all",
+                      errors},
     [TABLE_RATINGS] = {"ratings.csv", "ratings of attempts", ratings},
     [TABLE_RESULTS] = {"results.csv", "metrics of the sessions with these attempts", results},
 };

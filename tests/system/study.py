@@ -34,7 +34,7 @@ def seed(path):
                        "state, steps, missing, trace) VALUES (?, ?, 1, ?, 1, ?, ?, 'closed', 10, 0, ?)",
                        (i + 1, IDS[i], trainees[name], BEGIN_NS, BEGIN_NS + 10**9, f"/{i}.trace"))
         db.execute("INSERT INTO result VALUES (1, 'over', 'meniscus', 1, 'mm3', 4.5, NULL), "
-                   "(1, 'rim', 'meniscus', 2, 'mm', NULL, NULL), (3, 'over', '', 1, 'mm3', 1, NULL)")
+                   "(1, 'rim', 'meniscus', 2, 'mm', NULL, NULL), (3, 'over', '', 1, 'mm3', 1, NULL), (2, 'over', '', 1, 'mm3', 2, NULL)")
         figures = ('{"goals": [{"name": "notch", "met_s": 1.5}, {"name": "horn", "met_s": null}], "calm": true,'
                    ' "resections": [{"group": "meniscus_medial", "over_mm3": 4.25}], "view": {"lost_s": 2}}')
         errors = ('[{"error": "too deep", "tool": "probe", "step": 7, "time_s": 0.1},'
@@ -112,6 +112,7 @@ class Study(unittest.TestCase):
         self.assertEqual(["over", "rim"], [row["metric"] for row in tables["results.csv"]])
         self.assertEqual("", tables["results.csv"][1]["value"])
         self.assertIn("Left out: 1 attempts of exams", self.about)
+        self.assertEqual({IDS[0]}, {row["session"] for row in tables["results.csv"]})  # zoe's session has it too
         self.assertEqual(0o600, stat.S_IMODE(os.stat(self.zip).st_mode))
         audit = self.run_records("list", "audit", "--json").stdout
         self.assertIn('"export"', audit)

@@ -94,7 +94,7 @@ function Outcome({ of: { attempt, occurrences }, open, steps, seek }: { of: Atte
         <Button class="small" onClick={() => seek(steps.at(attempt.first_step))}>{words.train.start}</Button>
         {errors.map((one) => <Button key={one.step} class="small" icon="act" aria-label={words.replay.goTo(nameInWords(one.error), format.clock(one.time_s))}
           onClick={() => seek(steps.at(one.step) - BEFORE_S)}>{words.train.clip(nameInWords(one.error), format.clock(one.time_s))}</Button>)}
-        {errors.length === 0 && <span class="quiet-text"><Icon name="quiet" /> {words.train.errors(0)}</span>}
+        {errors.length === 0 && attempt.errors !== null && <span class="quiet-text"><Icon name="quiet" /> {words.train.errors(0)}</span>}
         <Button class="small" onClick={() => seek(steps.at(attempt.last_step))}>{words.replay.outcome}</Button>
       </div>
     </details>

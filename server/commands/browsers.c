@@ -121,6 +121,29 @@ static bool is_blind(void *user, const struct live_account *viewer_account, cons
     return blind;
 }
 
+struct blind_taker {
+    void (*take)(void *taker, const char *account, const char *trainee);
+    void *taker;
+};
+
+static void take_pair(void *user, const struct store_cell *cells, int count) {
+    const struct blind_taker *t = user;
+    if (count == 2 && cells[0].kind == STORE_TEXT && cells[1].kind == STORE_TEXT)
+        t->take(t->taker, cells[0].text, cells[1].text);
+}
+
+static bool each_blind(void *user,
+                       void (*take)(void *taker, const char *account, const char *trainee),
+                       void *taker) {
+    const struct browsers *b = user;
+    struct blind_taker blind = {take, taker};
+    struct store *store;
+    bool known = store_open(b->records, STORE_THERE, "server", &store, NULL) == RESULT_OK &&
+                 store_blind_pairs(store, take_pair, &blind, NULL) == RESULT_OK;
+    store_close(&store);
+    return known;
+}
+
 // ---- joining ------------------------------------------------------------------------------------
 
 static const struct knee_case *find_case(void *sessions, uint64_t case_hash) {
@@ -240,7 +263,8 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
 }
 
 static void open_live(struct browsers *b, struct sessions *sessions) {
-    const struct live_config config = {.user = b, .allowed = allowed, .is_blind = is_blind};
+    const struct live_config config = {
+        .user = b, .allowed = allowed, .is_blind = is_blind, .each_blind = each_blind};
     b->live = live_server_create(sessions, &config);
 }
 

@@ -18,6 +18,17 @@ struct page_command {
     arthron_Live item;
 };
 
+static void hide_names(struct page_command *c, arthron_CommandReply *reply) {
+    struct blindness *blindness = &c->live->blindness;
+    for (int i = 0; i < reply->sessions_count; i++) {
+        arthron_SessionInfo *info = &reply->sessions[i];
+        if (is_blind_to(blindness, c->actor, info->trainee))
+            info->trainee[0] = '\0';
+        if (is_blind_to(blindness, c->actor, info->next_trainee))
+            info->next_trainee[0] = '\0';
+    }
+}
+
 static struct parcel *answer(struct page_command *c) {
     c->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
     arthron_CommandReply *reply = &c->item.message.command_reply;
@@ -27,6 +38,7 @@ static struct parcel *answer(struct page_command *c) {
         sessions_command(c->live->sessions, c->actor, &c->command, reply);
     if (c->of_trainee) // what is at the station may be another's
         reply->sessions_count = 0;
+    hide_names(c, reply);
     struct parcel *parcel = parcel_of(&c->item, c->number);
     if (parcel)
         return parcel;

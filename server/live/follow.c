@@ -36,11 +36,19 @@ static bool put_moment(const struct station_cache *cache, struct sent_state *sen
     return true;
 }
 
-static bool put_place(const struct station_cache *cache, struct sent_state *sent,
-                      struct live_batch *batch) {
+static bool is_blind(struct live_server *live, const struct viewer *viewer, const char *trainee) {
+    return is_blind_to(&live->blindness, viewer->account.name, trainee);
+}
+
+static bool put_place(struct live_server *live, const struct viewer *viewer, int station,
+                      struct sent_state *sent, struct live_batch *batch) {
+    const struct station_cache *cache = &live->cache[station];
     if (sent->place == cache->place_number)
         return true;
-    if (!batch_put(batch, cache->place, cache->place_size))
+    bool blind =
+        is_blind(live, viewer, cache->trainee) || is_blind(live, viewer, cache->next_trainee);
+    if (!batch_put(batch, blind ? cache->nameless : cache->place,
+                   blind ? cache->nameless_size : cache->place_size))
         return false;
     sent->place = cache->place_number;
     return true;
@@ -80,7 +88,7 @@ int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now
         struct sent_state *sent = &viewer->sent[station];
         cache_refresh(live, station, now_ns, viewer->period_ns / 2);
         cache_place(live, station, now_ns);
-        if (!put_place(&live->cache[station], sent, batch) ||
+        if (!put_place(live, viewer, station, sent, batch) ||
             !put_attempt(live, viewer, station, sent, batch) ||
             !put_moment(&live->cache[station], sent, batch)) {
             viewer->turn = station;
@@ -146,7 +154,8 @@ static void fill_session(struct live_server *live, const struct viewer *viewer,
     memcpy(out->id, about->id, sizeof out->id);
     wire_session_instruments_from(&about->instruments, out);
     reply_groups(knee, out);
-    snprintf(out->trainee, sizeof out->trainee, "%s", about->trainee);
+    if (!is_blind(live, viewer, about->trainee))
+        snprintf(out->trainee, sizeof out->trainee, "%s", about->trainee);
     snprintf(out->case_name, sizeof out->case_name, "%s", config->cases[about->scene].name);
     memcpy(out->own_case, out->case_name, sizeof out->own_case);
     out->case_hash = knee->hash;
@@ -370,13 +379,12 @@ static void put_what_moves(struct live_server *live, struct viewer *viewer, int6
 
 int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                        struct live_batch *batch) {
-    const struct station_cache *cache = &live->cache[viewer->station];
     if (now_ns >= viewer->due_ns) {
         cache_refresh(live, viewer->station, now_ns, viewer->period_ns / 2);
         cache_place(live, viewer->station, now_ns);
         bool introduced = introduce(live, viewer, batch);
         if (is_staff(viewer))
-            put_place(cache, &viewer->sent[viewer->station], batch);
+            put_place(live, viewer, viewer->station, &viewer->sent[viewer->station], batch);
         if (introduced && viewer->session)
             put_what_moves(live, viewer, now_ns, batch);
         if (!batch->full)

@@ -312,6 +312,7 @@ size_t live_server_batch(struct live_server *live, struct viewer *viewer, int64_
                          uint8_t *out, size_t size, int64_t *out_next_ns) {
     CHECK(size >= LIVE_BATCH_MAX);
     struct live_batch batch = {out, size, 0, false};
+    blindness_renew(&live->blindness, live->commands, now_ns);
     tell_answers(viewer, &batch);
     tell_refusals(live, viewer, &batch);
     tell_trouble(live, viewer, &batch);
@@ -339,6 +340,7 @@ struct live_server *live_server_create(struct sessions *sessions,
         .threads = PLAYBACK_THREADS, .tasks_max = 2 * PLAYBACK_THREADS, .nice = PLAYBACK_NICE};
     live->sessions = sessions;
     live->config = *config;
+    blindness_init(&live->blindness, &live->config);
     pthread_rwlock_init(&live->news_lock, NULL);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
         live->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));
@@ -360,6 +362,7 @@ void live_server_destroy(struct live_server **owned) {
             live_server_leave(live, &live->viewers[i]);
     task_pool_destroy(&live->commands);
     task_pool_destroy(&live->playbacks);
+    blindness_fini(&live->blindness);
     turns_fini(&live->turns);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
         drop_answers(&live->viewers[i]);

@@ -143,7 +143,13 @@ void cache_place(struct live_server *live, int station, int64_t now_ns) {
         passed_s = INFINITY;
     live->item = (arthron_Live){.which_message = arthron_Live_place_tag};
     fill_place(live, station, passed_s, &live->item.message.place);
+    arthron_Place *place = &live->item.message.place;
     enum result result = live_encode(&live->item, s->place, sizeof s->place, &s->place_size);
+    CHECK(result == RESULT_OK);
+    memcpy(s->trainee, place->trainee, sizeof s->trainee);
+    memcpy(s->next_trainee, place->info.next_trainee, sizeof s->next_trainee);
+    place->trainee[0] = place->info.trainee[0] = place->info.next_trainee[0] = '\0';
+    result = live_encode(&live->item, s->nameless, sizeof s->nameless, &s->nameless_size);
     CHECK(result == RESULT_OK);
     s->place_number++;
     s->place_ns = now_ns;

@@ -4,6 +4,7 @@
 #include "base/bucket.h"
 #include "base/ring.h"
 #include "base/task_pool.h"
+#include "live/blindness.h"
 #include "live/live.h"
 #include "live/playback_turns.h"
 #include "sessions/sessions.h"
@@ -66,8 +67,9 @@ struct station_cache {
     bool place_connected;
     int64_t place_ns;
     uint64_t frames, lost, late, samples[WIRE_DEVICES_MAX]; // when it was made
-    size_t place_size;
-    uint8_t place[PLACE_ITEM_MAX];
+    size_t place_size, nameless_size;
+    uint8_t place[PLACE_ITEM_MAX], nameless[PLACE_ITEM_MAX];
+    char trainee[64], next_trainee[64]; // whom the place names
 
     int64_t metrics_ns;
     uint64_t metrics_of; // serial of the session
@@ -129,6 +131,7 @@ struct live_server {
     struct viewer viewers[LIVE_VIEWERS_MAX];
     uint32_t numbers;
     struct station_cache cache[STATIONS_MAX];
+    struct blindness blindness;
     arthron_Live item; // too large for a stack, as is the chunk
     arthron_MeshChunk chunk;
     struct task_pool *commands;  // commands of one page run in order

@@ -262,6 +262,18 @@ enum result store_is_blind_to_exam(struct store *store, const char *account, int
                      out_is);
 }
 
+enum result store_blind_pairs(struct store *store, store_row_handler take, void *user,
+                              struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(
+        store,
+        "SELECT account.name AS account, trainee.name AS trainee FROM exam_rater r "
+        "JOIN exam e ON e.id = r.exam_id JOIN account ON account.id = r.account_id "
+        "JOIN trainee ON trainee.id = e.trainee_id WHERE e.state IN ('begun', 'done')",
+        &statement, err, "");
+    return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
+}
+
 enum result store_find_exam_place(struct store *store, const struct exam_place *place,
                                   struct error *err) {
     int64_t found;

@@ -85,6 +85,11 @@ enum result store_is_blind(struct store *store, const char *account, const char 
 enum result store_is_blind_to_exam(struct store *store, const char *account, int64_t exam,
                                    bool *out_is, struct error *err);
 
+// account, trainee: who is to rate an exam that goes on, or is done and not released, and whose it
+// is.
+enum result store_blind_pairs(struct store *store, store_row_handler take, void *user,
+                              struct error *err);
+
 // The place that an attempt would take now. RESULT_MISSING: the trainee has none, and the error
 // says so.
 struct exam_place {

@@ -175,6 +175,65 @@ static void trainees_see_their_own_sessions_only(void **state) {
     sessions_destroy(&sessions);
 }
 
+static bool otto_is_blind_to_anna(void *user,
+                                  void (*take)(void *taker, const char *account, const char *trainee),
+                                  void *taker) {
+    (void)user;
+    take(taker, "otto", "anna");
+    return true;
+}
+
+static void assign(struct page *page, const char *name) {
+    arthron_Page message = {.which_message = arthron_Page_command_tag};
+    message.message.command =
+        (arthron_Command){.kind = arthron_Command_Kind_ASSIGN, .station = "room-1"};
+    snprintf(message.message.command.trainee, 64, "%s", name);
+    say(page, &message);
+    command(page, arthron_Command_Kind_STOP, "");
+    command(page, arthron_Command_Kind_START, "");
+    draw_until(page, &page->replies, 3);
+    assert_true(page->reply.ok);
+}
+
+static void a_rater_does_not_learn_whose_exam_goes_on(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct live_config config = {.each_blind = otto_is_blind_to_anna};
+    struct live_server *live = live_server_create(sessions, &config);
+    struct live_account other = {.name = "grace", .role = "instructor"};
+    struct page rater, examiner, wall;
+    hall_join(sessions);
+    open_page(&rater, live, &instructor);
+    open_page(&examiner, live, &other);
+    open_page(&wall, live, &instructor);
+    assign(&examiner, "anna");
+    watch(&rater, arthron_Watch_What_STATION, "room-1", 60);
+    watch(&examiner, arthron_Watch_What_STATION, "room-1", 60);
+    watch(&wall, arthron_Watch_What_WALL, "", 60);
+    draw_until(&rater, &rater.sessions, 1);
+    draw_until(&rater, &rater.places, 1);
+    draw_until(&wall, &wall.places, 1);
+    draw_until(&examiner, &examiner.sessions, 1);
+    assert_string_equal(examiner.session.trainee, "anna");
+    assert_string_equal(rater.session.trainee, "");
+    assert_string_equal(rater.place.trainee, "");
+    assert_string_equal(wall.place.trainee, "");
+    assert_string_equal(wall.place.info.trainee, "");
+    assert_string_equal(wall.place.info.next_trainee, "");
+    command(&rater, arthron_Command_Kind_LIST, "");
+    draw_until(&rater, &rater.replies, 1);
+    assert_string_equal(rater.reply.sessions[0].trainee, "");
+    assert_string_equal(rater.reply.sessions[0].next_trainee, "");
+    command(&examiner, arthron_Command_Kind_LIST, "");
+    draw_until(&examiner, &examiner.replies, 4);
+    assert_string_equal(examiner.reply.sessions[0].trainee, "anna");
+    close_page(&rater);
+    close_page(&examiner);
+    close_page(&wall);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
 static struct live_account trainee_number(int number) {
     struct live_account account = {.role = "trainee"};
     snprintf(account.name, sizeof account.name, "trainee %d", number);
@@ -284,6 +343,7 @@ int main(void) {
         cmocka_unit_test(a_page_gets_no_answers_of_the_page_before_it),
         cmocka_unit_test(a_command_behind_too_many_others_is_refused),
         cmocka_unit_test(trainees_see_their_own_sessions_only),
+        cmocka_unit_test(a_rater_does_not_learn_whose_exam_goes_on),
         cmocka_unit_test(nobody_takes_all_places),
         cmocka_unit_test(an_instructors_pages_leave_places_for_others),
         cmocka_unit_test(who_may_not_see_a_session_takes_no_place_for_its_meshes),

@@ -57,7 +57,9 @@ async function plan(app: App): Promise<void> {
     app.api.get<{ courses: { name: string }[] }>("/courses"), app.api.get<{ tasks: Task[] }>("/tasks"),
     app.api.get<{ cases: { name: string }[] }>("/cases"), app.api.get<{ accounts: { name: string; role: string }[] }>("/accounts")]);
   const names = (all: { name: string }[]): string[] => all.map(({ name }) => name);
-  const choices = { courses: names(courses), tasks, cases: names(cases), raters: names(accounts.filter(({ role }) => role === "instructor")) };
+  // Who plans an exam knows whose it is.
+  const raters = names(accounts.filter(({ role, name }) => role === "instructor" && name !== app.account?.name));
+  const choices = { courses: names(courses), tasks, cases: names(cases), raters };
   openDialog({ title: words.add, wide: true, body: (close) => <PlanForm app={app} choices={choices} close={close} /> });
 }
 

@@ -173,50 +173,66 @@ static bool is_met(const struct surgeon *s) {
     return play_attempt(s->p->play)->goals[s->index].met;
 }
 
+// With something to spare.
 static bool is_enough(const struct surgeon *s) {
     const struct quality_report *report = report_of(s);
-    return report->planned_mm3 > 0 &&
+    return attempt_has_cut(s) &&
            report->under_mm3 <= 0.9 * s->goal->under_share * report->planned_mm3;
+}
+
+static bool find_bite(struct surgeon *s, struct bite *out) {
+    if (!look_again(s))
+        return false;
+    find_bites(s);
+    return choose(s, out);
 }
 
 // What a bite brought.
 static double bite_once(struct surgeon *s) {
     double before = attempt_has_cut(s) ? report_of(s)->under_mm3 : INFINITY;
     struct bite bite;
-    find_bites(s);
-    if (!choose(s, &bite) || !bite_at(s, &bite))
+    if (!find_bite(s, &bite) || !bite_at(s, &bite))
         return 0;
     return before - report_of(s)->under_mm3;
 }
 
 // All bites that are worth it.
-static bool bite_on(struct surgeon *s) {
+static void bite_on(struct surgeon *s) {
     bool brings = true;
     while (brings && !is_met(s) && !is_enough(s))
-        brings = look_again(s) && bite_once(s) > LEAST_BROUGHT_MM3;
-    if (is_met(s) || !is_enough(s))
-        return is_met(s);
-    int first = s->p->script->step_count;
-    add_amount(s->p->script, MOTION_WAIT, s->goal->hold_s + SETTLE_S);
-    return go_on(s, first) && is_met(s);
+        brings = bite_once(s) > LEAST_BROUGHT_MM3;
 }
 
+// Does not move where there is nothing to bite.
 static bool stand(struct surgeon *s, const struct stance *stance) {
-    struct motion_script *script = s->p->script;
-    int first = script->step_count;
-    hold_joint(script, s->goal, stance);
-    add_named(script, MOTION_LOOK, CHANNEL_SCOPE, s->goal->resect);
-    add_named(script, MOTION_APPROACH, CHANNEL_PUNCH, s->p->portals[1]);
-    return go_on(s, first);
+    struct planner *p = s->p;
+    struct plan_mark before = plan_mark(&p->plan);
+    struct bite bite;
+    int first = p->script->step_count;
+    hold_joint(p->script, s->goal, stance);
+    add_named(p->script, MOTION_LOOK, CHANNEL_SCOPE, s->goal->resect);
+    add_named(p->script, MOTION_APPROACH, CHANNEL_PUNCH, p->portals[1]);
+    if (!plan_from(p, first))
+        return false;
+    s->care = &cares[CARE_COUNT - 1];
+    if (find_bite(s, &bite)) {
+        play_on(p->play, &p->out->motion);
+        return true;
+    }
+    plan_back(&p->plan, &before);
+    p->script->step_count = first;
+    return false;
 }
 
 static void resect(struct surgeon *s) {
-    for (int c = 0; c < CARE_COUNT; c++) {
-        s->care = &cares[c];
-        for (int i = 0; i < STANCE_COUNT; i++)
-            if (stand(s, &stances[i]) && bite_on(s))
-                return;
-    }
+    for (int i = 0; i < STANCE_COUNT && !is_met(s) && !is_enough(s); i++)
+        if (stand(s, &stances[i]))
+            for (s->care = cares; s->care < cares + CARE_COUNT; s->care++)
+                bite_on(s);
+    int first = s->p->script->step_count;
+    add_amount(s->p->script, MOTION_WAIT, s->goal->hold_s + SETTLE_S);
+    if (!is_met(s))
+        go_on(s, first);
 }
 
 bool meet_resection(struct planner *p, int index) {

@@ -1,0 +1,85 @@
+// Tasks are passed by an expert's hands on the case that they are about, and failed by a novice's.
+#include "generate/generate.h"
+#include "landmarks/landmarks.h"
+#include "rehearsal/rehearsal.h"
+#include "test.h"
+
+#include <stdio.h>
+#include <string.h>
+
+// One of each kind: arthron-bench tasks has them all.
+static const struct {
+    const char *task, *recipe;
+} rows[] = {
+    {"turning-30", "everything"},
+    {"cruciate-examination", "everything"},
+    {"loose-bodies", "loose-bodies"},
+    {"meniscectomy-radial", "tear-radial"},
+};
+#define ROW_COUNT (sizeof rows / sizeof *rows)
+
+static struct error err;
+static struct knee_case *knee; // for hands: the scene has another one
+static struct scene *scene;
+static const char *loaded;
+
+static struct knee_case *make_knee(const char *recipe_name) {
+    char path[512];
+    struct recipe recipe;
+    struct knee_case *made;
+    snprintf(path, sizeof path, CASES "/%s", recipe_name);
+    assert_ok(recipe_load(path, &recipe, &err));
+    assert_ok(generate_knee(&recipe, &made, &err));
+    assert_ok(landmarks_find(made, NULL, &err));
+    return made;
+}
+
+static void load(const char *recipe) {
+    if (loaded && !strcmp(loaded, recipe))
+        return;
+    if (loaded)
+        scene_destroy(&scene);
+    case_destroy(&knee);
+    struct knee_case *other = make_knee(recipe);
+    knee = make_knee(recipe);
+    assert_ok(scene_create(&other, &scene, &err));
+    loaded = recipe;
+}
+
+static void tell(const struct task *task, const char *hands, const struct rehearsal *rehearsal) {
+    printf("%-26s %-8s %-8s %6.1f s %d errors\n", task->name, hands,
+           verdict_name(attempt_verdict(&rehearsal->attempt, task)),
+           attempt_time_s(&rehearsal->attempt), rehearsal->attempt.errors);
+}
+
+static void check_task(size_t row) {
+    char path[512];
+    struct task task;
+    struct rehearsal expert, novice;
+    snprintf(path, sizeof path, CASES "/tasks/%s.ini", rows[row].task);
+    assert_ok(task_load(path, &task, &err));
+    load(rows[row].recipe);
+    assert_ok(rehearse(&task, knee, scene, HANDS_EXPERT, 0, NULL, &expert, &err));
+    tell(&task, "expert", &expert);
+    if (attempt_verdict(&expert.attempt, &task) != VERDICT_PASSED)
+        fail_msg("%s on %s: %s", task.name, rows[row].recipe, err.text);
+    assert_ok(rehearse_novice(&task, knee, scene, &expert, 1 + (int64_t)row % 3, &novice, &err));
+    tell(&task, "novice", &novice);
+    assert_int_equal(attempt_verdict(&novice.attempt, &task), VERDICT_NOT_YET);
+    rehearsal_fini(&expert);
+    rehearsal_fini(&novice);
+}
+
+static void experts_pass_and_novices_do_not(void **state) {
+    (void)state;
+    for (size_t i = 0; i < ROW_COUNT; i++)
+        check_task(i);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(experts_pass_and_novices_do_not)};
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    scene_destroy(&scene);
+    case_destroy(&knee);
+    return failed;
+}

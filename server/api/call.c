@@ -333,6 +333,23 @@ void call_answer_rows(struct api_call *call, const char *key, json_t *rows, enum
         json_decref(all);
 }
 
+enum result call_fill(struct api_call *call, call_writer write, void *user, struct error *err) {
+    char *body = NULL;
+    size_t size = 0;
+    FILE *file = open_memstream(&body, &size);
+    NEED(file, "memory");
+    enum result result = write(user, file, err);
+    fclose(file);
+    if (result != RESULT_OK) {
+        free(body);
+        return result;
+    }
+    call->response->status = 200;
+    call->response->body = body;
+    call->response->size = size;
+    return RESULT_OK;
+}
+
 // ---- records ------------------------------------------------------------------------------------
 
 bool call_open_store(struct api_call *call) {

@@ -98,6 +98,10 @@ bool call_find_course(struct api_call *call);
 void call_answer_rows(struct api_call *call, const char *key, json_t *rows, enum result result,
                       const struct error *err);
 
+// Answers 200 with what `write` puts into the stream. After an error there is no answer yet.
+typedef enum result (*call_writer)(void *user, FILE *file, struct error *err);
+enum result call_fill(struct api_call *call, call_writer write, void *user, struct error *err);
+
 // ---- records ------------------------------------------------------------------------------------
 
 // Close them before anything that takes long.

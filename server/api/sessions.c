@@ -332,29 +332,29 @@ static void leave_place(struct api *api, char *place) {
     pthread_mutex_unlock(&api->reports_lock);
 }
 
+struct report_call {
+    const struct api_config *config;
+    const struct api_report *about;
+};
+
+static enum result write_report(void *user, FILE *file, struct error *err) {
+    const struct report_call *report = user;
+    return report->config->report(report->config->user, report->about, file, err);
+}
+
 static void make_report(struct api_call *call, const struct api_report *about) {
+    struct report_call report = {&call->api->config, about};
     struct web_response *r = call->response;
     struct error err = {""};
-    char *page = NULL;
-    size_t size = 0;
-    FILE *file = open_memstream(&page, &size);
-    NEED(file, "memory");
-    enum result result = call->api->config.report(call->api->config.user, about, file, &err);
-    fclose(file);
+    enum result result = call_fill(call, write_report, &report, &err);
     if (result == RESULT_MISSING && about->course) {
         call_refuse(call, 404, "not_found", NULL, "There is no course '%s'.", about->course);
-        free(page);
         return;
     }
     if (result != RESULT_OK) // a damaged trace is not the caller's fault
         result = RESULT_IO;
-    if (!call_check(call, result, &err)) {
-        free(page);
+    if (!call_check(call, result, &err))
         return;
-    }
-    r->status = 200;
-    r->body = page;
-    r->size = size;
     r->stands_alone = r->compress = true;
     snprintf(r->type, sizeof r->type, "text/html; charset=utf-8");
 }

@@ -2,11 +2,9 @@
 
 #include "api/routes.h"
 #include "api/values.h"
-#include "base/check.h"
 #include "base/clock.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #define UTC_MAX_S 9007199254.0
@@ -30,22 +28,22 @@ static bool note_export(struct api_call *call) {
     return call_check(call, store_note(call->store, "export", subject, &err), &err);
 }
 
+struct study_call {
+    struct store *store;
+    const struct study_request *request;
+};
+
+static enum result write_study(void *user, FILE *file, struct error *err) {
+    const struct study_call *study = user;
+    return study_write(study->store, study->request, file, err);
+}
+
 static void answer_study(struct api_call *call, const struct study_request *request) {
+    struct study_call study = {call->store, request};
     struct web_response *r = call->response;
     struct error err = {""};
-    char *zip = NULL;
-    size_t size = 0;
-    FILE *file = open_memstream(&zip, &size);
-    NEED(file, "memory");
-    enum result result = study_write(call->store, request, file, &err);
-    fclose(file);
-    if (!call_check(call, result, &err)) {
-        free(zip);
+    if (!call_check(call, call_fill(call, write_study, &study, &err), &err))
         return;
-    }
-    r->status = 200;
-    r->body = zip;
-    r->size = size;
     snprintf(r->type, sizeof r->type, "application/zip");
     snprintf(r->download, sizeof r->download, "attempts.zip");
 }

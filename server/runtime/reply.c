@@ -79,8 +79,8 @@ static void fill_carried(const struct session_output *output, int number, arthro
         return;
     pose T_mockup_carrier = holder < 0 ? output->T_mockup_virtual[loose->carrier]
                                        : output->instruments[holder].T_mockup_warped;
-    m->pose = wire_short_pose_from(
-        pose_compose(pose_inverse(T_mockup_carrier), loose->T_mockup_loose));
+    m->pose =
+        wire_short_pose_from(pose_compose(pose_inverse(T_mockup_carrier), loose->T_mockup_loose));
 }
 
 // They take turns: of two in a row there is always the next, even where one has no room.

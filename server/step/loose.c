@@ -103,9 +103,8 @@ static vec3 freed(const struct stepping *s, int i, pose T) {
         for (int k = 0; k < ground->count; k++) {
             if (s->cut >> ground->surfaces[k].group & 1)
                 continue;
-            struct loose_contact c =
-                loose_contact_with(ground, k, s->out->T_mockup_virtual, radii_of(s, i), T,
-                                   -TOLERANCE_MM, hints);
+            struct loose_contact c = loose_contact_with(ground, k, s->out->T_mockup_virtual,
+                                                        radii_of(s, i), T, -TOLERANCE_MM, hints);
             if (c.gap >= -TOLERANCE_MM)
                 continue;
             T.translation = vec3_add_scaled(T.translation, -c.gap, c.normal);

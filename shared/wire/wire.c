@@ -180,8 +180,7 @@ static enum result loose_check(const arthron_CarriedLoose *m, struct error *err)
     bool lies = m->state == arthron_LooseMoment_State_LYING;
     enum result result = enum_check("number", (int)m->number, WIRE_LOOSE_MAX, err);
     if (result == RESULT_OK)
-        result =
-            enum_check("state", (int)m->state, _arthron_LooseMoment_State_ARRAYSIZE, err);
+        result = enum_check("state", (int)m->state, _arthron_LooseMoment_State_ARRAYSIZE, err);
     if (result == RESULT_OK)
         result = enum_check("on", (int)m->on, lies ? _arthron_Body_ARRAYSIZE : CHANNEL_COUNT, err);
     if (result != RESULT_OK || m->state == arthron_LooseMoment_State_OUT)

@@ -105,8 +105,8 @@ enum result loose_measure(struct report *report, struct error *err) {
         report_figure(report, samples_quantile(&with, 0.5), "us", "loose/step with eight wedged");
         report_figure(report, samples_quantile(&with, 0.99), "us",
                       "loose/step with eight wedged, p99");
-        report_mark(report, "loose_p99_over_plain", samples_quantile(&with, 0.99) / plain_us, "", 10,
-                    BETTER_LOW);
+        report_mark(report, "loose_p99_over_plain", samples_quantile(&with, 0.99) / plain_us, "",
+                    10, BETTER_LOW);
     }
     samples_fini(&with);
     samples_fini(&without);

@@ -1,9 +1,12 @@
 // Loose bodies in sessions: they rest, are pushed, held, dropped and taken out, and never go into
 // bone. Depths are measured at points of the ellipsoids, not as the step does it.
+#include "step/loose.h"
+
 #include "base/clock.h"
 #include "generated.h"
 #include "mesh/solid.h"
 #include "random.h"
+#include "step/loose_ground.h"
 #include "step/session.h"
 #include "test.h"
 
@@ -368,8 +371,36 @@ static void a_paused_session_moves_none(void **state) {
     session_destroy(&r.session);
 }
 
+// What earlier answers leave out would not have been the nearest.
+static void earlier_answers_change_no_answer(void **state) {
+    (void)state;
+    struct random chance = {11};
+    struct loose_ground *ground;
+    struct loose_hints kept, none;
+    struct error err;
+    assert_ok(loose_ground_create(scene_case(scene), &ground, &err));
+    loose_hints_init(&kept);
+    pose T_mockup_body[BODY_COUNT] = {pose_identity(), pose_identity(), pose_identity()};
+    pose T = {quat_identity(), {-21, 13, -20}};
+    const vec3 radii = {3.5, 3, 2};
+    for (int k = 0; k < 3000; k++) {
+        double far_mm = k % 100 ? 1 : 30;
+        T.translation = vec3_add(k % 500 ? T.translation : (vec3){-21, 13, -20},
+                                 random_in_box(&chance, far_mm));
+        T_mockup_body[BODY_TIBIA].translation = random_in_box(&chance, 0.5);
+        T_mockup_body[BODY_PATELLA].translation = random_in_box(&chance, 0.5);
+        loose_hints_init(&none);
+        struct loose_contact with = loose_nearest(ground, 0, T_mockup_body, radii, T, &kept);
+        struct loose_contact without = loose_nearest(ground, 0, T_mockup_body, radii, T, &none);
+        assert_int_equal(with.surface, without.surface);
+        assert_true(with.surface < 0 || fabs(with.gap - without.gap) < 1e-9);
+    }
+    loose_ground_destroy(&ground);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(earlier_answers_change_no_answer),
         cmocka_unit_test(what_nothing_touches_rests),
         cmocka_unit_test(a_moving_joint_does_not_press_them_into_bone),
         cmocka_unit_test(a_tip_pushes_them_away),

@@ -77,9 +77,8 @@ static void carry(struct rig *h) {
         bool held = carriers[i] >= BODY_COUNT;
         pose T_mockup_carrier =
             held ? o->instruments[PROBE].T_mockup_warped : o->T_mockup_virtual[carriers[i]];
-        o->loose[i] =
-            (struct loose_output){held ? LOOSE_HELD : LOOSE_LYING, carriers[i],
-                                  pose_compose(T_mockup_carrier, h->T_carrier_loose[i])};
+        o->loose[i] = (struct loose_output){held ? LOOSE_HELD : LOOSE_LYING, carriers[i],
+                                            pose_compose(T_mockup_carrier, h->T_carrier_loose[i])};
     }
 }
 

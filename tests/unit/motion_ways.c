@@ -284,6 +284,64 @@ static void a_script_of_which_nothing_can_be_played_is_refused(void **state) {
     assert_non_null(strstr(err.text, "step 3 (palpate): the case has no group spleen"));
 }
 
+// ---- turning the optic --------------------------------------------------------------------------
+
+static const char stand[] = "[steps]\nflex = 20\napproach = scope anterolateral\n"
+                            "stand = tibia horn_anterior_medial horn_anterior_lateral\n";
+
+static pose scope_at_the_end(const char *turn, struct motion *motion) {
+    char text[512];
+    snprintf(text, sizeof text, "%s%s", stand, turn);
+    plan_text(knee, text, motion);
+    return motion->rows[motion->row_count - 1].tools[0].T_mockup_tip;
+}
+
+static double off_axis_deg(const struct motion *motion, pose T_mockup_scope, const char *name) {
+    const struct motion_row *row = &motion->rows[motion->row_count - 1];
+    const struct case_landmark *landmark = case_landmark(knee, name);
+    vec3 place = pose_apply(body_pose(knee, &row->joint, landmark->body), landmark->at);
+    vec3 axis =
+        quat_rotate(quat_from_axis_angle((vec3){1, 0, 0}, -30 * RAD_PER_DEG), (vec3){0, 0, 1});
+    axis = quat_rotate(T_mockup_scope.rotation, axis);
+    vec3 way = vec3_sub(place, T_mockup_scope.translation);
+    return DEG_PER_RAD * atan2(vec3_length(vec3_cross(axis, way)), vec3_dot(axis, way));
+}
+
+static void an_optic_turns_from_place_to_place_where_the_scope_stands(void **state) {
+    (void)state;
+    static const char *const names[] = {"horn_anterior_medial", "horn_anterior_lateral"};
+    pose scopes[2];
+    for (int i = 0; i < 2; i++) {
+        char turn[128];
+        struct motion motion;
+        snprintf(turn, sizeof turn, "turn = tibia %s\n", names[i]);
+        scopes[i] = scope_at_the_end(turn, &motion);
+        assert_true(off_axis_deg(&motion, scopes[i], names[i]) < 25);
+        assert_true(off_axis_deg(&motion, scopes[i], names[1 - i]) >
+                    off_axis_deg(&motion, scopes[i], names[i]));
+        motion_fini(&motion);
+    }
+    assert_vec3_near(scopes[0].translation, scopes[1].translation, 1e-9);
+    vec3 shaft = {0, 0, 1};
+    assert_vec3_near(quat_rotate(scopes[0].rotation, shaft), quat_rotate(scopes[1].rotation, shaft),
+                     1e-9);
+    assert_true(quat_angle(scopes[0].rotation, scopes[1].rotation) > 0.3);
+}
+
+static void who_can_stand_nowhere_is_told_so(void **state) {
+    (void)state;
+    struct motion_script script;
+    struct motion motion;
+    struct error err;
+    assert_ok(load_text("[steps]\nflex = 20\napproach = scope anterolateral\n"
+                        "stand = tibia patella root_posterior_medial\n",
+                        &script, &err));
+    assert_int_equal(motion_plan(knee, &script, &motion, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "step 3 (stand): through the portal anterolateral, from "
+                                     "nowhere does the optic turn from patella to "
+                                     "root_posterior_medial"));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_script_of_landmarks_goes_with_a_knee_that_is_moved_or_mirrored),
@@ -295,6 +353,8 @@ int main(void) {
         cmocka_unit_test(steps_that_cannot_be_played_are_left_out_if_the_script_says_so),
         cmocka_unit_test(a_case_on_which_no_landmark_is_found_is_played_without_those_steps),
         cmocka_unit_test(a_script_of_which_nothing_can_be_played_is_refused),
+        cmocka_unit_test(an_optic_turns_from_place_to_place_where_the_scope_stands),
+        cmocka_unit_test(who_can_stand_nowhere_is_told_so),
     };
     return cmocka_run_group_tests(tests, make_knee, destroy_knee);
 }

@@ -48,11 +48,18 @@ function check(out, folder, types) {
   run(join(bin, "tsc"), "--project", join(out, "tsconfig.json"));
 }
 
-// Text of three's shaders that no view compiles: of physical and toon materials, and of shadows, which the scope has its own for.
-const UNUSED_SHADERS = ["clearcoat_normal_fragment_begin", "clearcoat_normal_fragment_maps", "clearcoat_pars_fragment",
-  "cube_uv_reflection_fragment", "envmap_physical_pars_fragment", "gradientmap_pars_fragment", "iridescence_fragment",
-  "iridescence_pars_fragment", "lights_physical_fragment", "lights_physical_pars_fragment", "lights_toon_fragment",
-  "lights_toon_pars_fragment", "shadowmap_pars_fragment", "shadowmask_pars_fragment", "transmission_fragment", "transmission_pars_fragment"];
+// Text of three's shaders that no view compiles: of other materials than Phong's, of environments, skins, morphs and bumps,
+// and of shadows, which the scope has its own for.
+const UNUSED_SHADERS = ["alphahash_pars_fragment", "batching_pars_vertex", "bumpmap_pars_fragment",
+  "clearcoat_normal_fragment_begin", "clearcoat_normal_fragment_maps", "clearcoat_pars_fragment",
+  "cube_uv_reflection_fragment", "envmap_common_pars_fragment", "envmap_fragment", "envmap_pars_fragment",
+  "envmap_pars_vertex", "envmap_physical_pars_fragment", "envmap_vertex", "gradientmap_pars_fragment",
+  "iridescence_fragment", "iridescence_pars_fragment", "lights_lambert_fragment", "lights_lambert_pars_fragment",
+  "lights_physical_fragment", "lights_physical_pars_fragment", "lights_toon_fragment", "lights_toon_pars_fragment",
+  "map_particle_fragment", "map_particle_pars_fragment", "morphtarget_pars_vertex", "morphtarget_vertex",
+  "normalmap_pars_fragment", "shadowmap_pars_fragment", "shadowmask_pars_fragment", "skinbase_vertex",
+  "skinning_pars_vertex", "skinning_vertex", "skinnormal_vertex", "transmission_fragment",
+  "transmission_pars_fragment"];
 
 function withoutUnusedShaders(three) {
   for (const name of UNUSED_SHADERS) {

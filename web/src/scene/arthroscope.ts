@@ -4,6 +4,7 @@ import {
   Color, CustomToneMapping, FogExp2, HemisphereLight, PerspectiveCamera, Quaternion, Scene, ShaderChunk, SpotLight, type WebGLRenderer,
 } from "three";
 import { HAS_WARPED, LOST, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
+import { drawnBySoftware } from "../graphics";
 import { isOptic, USUAL, type Instruments } from "../instruments";
 import { Exposure, TONE } from "./exposure";
 import type { MapName } from "./colours";
@@ -11,15 +12,16 @@ import type { Joint, Show } from "./joint";
 import { cameraFieldDeg, cameraInTip, type Optic } from "./optic";
 import { SHADOW } from "./shadow";
 import { AdaptiveResolution, newRenderer } from "./view3d";
+import { Water } from "./water";
 
-const LIGHT = 260; // at 1 mm, before it fades with distance
-const FADE = 1.4; // less than the square: water and walls scatter some of it back
+const LIGHT = 150; // at 1 mm, before it fades with distance
+const FADE = 1.2; // less than the square: water and walls scatter some of it back
 const BEYOND_DEG = 17; // how far the light's cone reaches beyond what the optic sees
 const SHOW: Show = { ghost: false, raw: false, trails: false, femur: true, patella: true, ligaments: true, skin: true, seeThrough: false, map: "none" };
 const FIBRES = { x: 1, y: 1.2, z: 0.3 }; // mm from the lens: where the light leaves the scope
 const STEEPEST = (80 * Math.PI) / 180; // half of a cone that a shadow can be drawn in
 const SHADOW_PX = 512;
-const SHADE = 0.7; // what a shadow takes: tissue around throws the rest back into it
+const SHADE = 0.6; // what a shadow takes: tissue around throws the rest back into it
 const DEPTH = 0x2a1210; // where no light comes back from
 const TURBID = { colour: 0x8a6a60, per_mm: 0.006 }; // the water's own
 ShaderChunk.shadowmap_pars_fragment = SHADOW;
@@ -35,6 +37,7 @@ export class Arthroscope {
   private side = 0; // px of the page
   private ratio = 0; // pixels of the picture for each of those; 0: not sized yet
   private readonly exposure: Exposure;
+  private readonly water = new Water(LIGHT);
   private readonly lamp = new SpotLight(0xfffaf2, LIGHT, 0, 1, 0.9, FADE);
 
   constructor(canvas: HTMLCanvasElement, private readonly joint: Joint, optic: Optic) {
@@ -42,18 +45,17 @@ export class Arthroscope {
     this.resolution = new AdaptiveResolution();
     this.exposure = new Exposure(this.renderer.getContext() as WebGL2RenderingContext);
     this.renderer.toneMapping = CustomToneMapping;
-    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.enabled = this.lamp.castShadow = !drawnBySoftware(); // as smooth edges
     this.scene.background = new Color(DEPTH);
     this.scene.fog = new FogExp2(TURBID.colour, TURBID.per_mm);
     this.lamp.position.set(FIBRES.x, FIBRES.y, FIBRES.z);
     this.lamp.target.position.set(FIBRES.x, FIBRES.y, -1);
-    this.lamp.castShadow = true;
     this.lamp.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
     this.lamp.shadow.bias = -0.0004; // in depth, which is finest near the lamp: 0.3 mm at 20 mm
     this.lamp.shadow.normalBias = 0.1;
     this.lamp.shadow.intensity = SHADE;
     this.camera.add(this.lamp, this.lamp.target);
-    this.scene.add(this.camera, new HemisphereLight(0xffd9c4, 0xa04a38, 0.12), joint.root);
+    this.scene.add(this.camera, new HemisphereLight(0xffd9c4, 0xa04a38, 0.12), joint.root, this.water.specks);
     joint.setShow(SHOW);
     this.setOptic(optic);
   }
@@ -61,6 +63,7 @@ export class Arthroscope {
   close(): void {
     this.resolution.close();
     this.lamp.dispose();
+    this.water.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
   }
@@ -109,6 +112,7 @@ export class Arthroscope {
     this.joint.faceMarker(this.camera.quaternion);
     const now = performance.now();
     this.resize();
+    this.water.move(this.camera, time, this.side * this.ratio);
     this.renderer.toneMappingExposure = this.exposure.at(now);
     this.renderer.render(this.scene, this.camera);
     this.exposure.meter(now, this.camera);

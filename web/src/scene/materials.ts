@@ -175,8 +175,8 @@ const MORE = {
       diffuseColor.rgb *= mix(vec3(1.0), vec3(0.72, 0.3, 0.3), (1.0 - 0.6 * fat) * red) * mix(0.8, 1.08, fold);
       grain += mix(9.0 * fold, 12.0 * sqrt(lobule), fat);`,
   fray: `
-      float raw = 1.0 - vColor.a;
-      float fray = noise3(ASKEW * vPlace * vec3(3.5, 3.5, 1.5));
+      float raw = 1.0 - vColor.a, fray = 0.0;
+      if (raw > 0.0) fray = noise3(ASKEW * vPlace * vec3(3.5, 3.5, 1.5));
       diffuseColor.rgb *= mix(vec3(1.0), mix(vec3(0.86, 0.72, 0.62), vec3(1.04), smoothstep(0.25, 0.75, fray)), raw);
       gloss -= 0.6 * raw;
       grain += 1.1 * raw * fray;`,

@@ -42,6 +42,8 @@ export const format = {
 /** The server's text with a capital first letter; names of files and stations stay unchanged. */
 export const sentence = (words: string): string => (/^[a-z]+([ ,:]|$)/.test(words) ? words.charAt(0).toUpperCase() + words.slice(1) : words);
 
+type LimitWords = (value: number, all: Readonly<Record<string, number>>) => string;
+
 export const text = {
   product: "Arthron",
   loading: "Loading …",
@@ -579,11 +581,11 @@ export const text = {
     times: (n: number) => formats[0]!.format(n),
     mark: (time: string, errors: number) => `Pass: all goals in ${time}, with ${errors === 0 ? "no error" : `at most ${count(errors, "error")}`}.`,
     grave: "grave",
-    /** What a goal asks, or when an error counts, by the keys of the task's file, in the order in which they are read. */
+    /** What a goal asks by the keys of the task's file, in the order in which they are read. */
     limits: {
       under_share: (share) => `left to remove: at most ${format.percent(share, 0)} of the plan`,
-      over_share: (share) => `beyond the plan: at most ${format.percent(share, 0)} of it`,
-      rim_mm: (mm) => `remaining rim: at least ${short(mm)} mm`,
+      over_share: (share) => `removed too much: at most ${format.percent(share, 0)} of the plan`,
+      rim_mm: (mm) => `thinnest remaining rim: at least ${short(mm)} mm`,
       step_mm: (mm) => `largest step: at most ${short(mm)} mm`,
       centre: () => "in the middle of the picture",
       upright_deg: (degrees) => `picture upright to ${short(degrees)}°`,
@@ -598,11 +600,15 @@ export const text = {
       drawer_mm: (mm) => `tibia forward by at least ${short(mm)} mm`,
       flexion_from_deg: (from, { flexion_to_deg: to }) => `flexed ${short(from)} to ${short(to ?? 0)}°`,
       hold_s: (s) => `held for ${short(s)} s`,
+    } as Record<string, LimitWords>,
+    /** When an error counts. */
+    errorLimits: {
+      over_share: (share) => `removed too much: over ${format.percent(share, 0)} of the plan`,
       deep_mm: (mm) => `deeper than ${short(mm)} mm`,
       near_mm: (mm) => `nearer than ${short(mm)} mm`,
       speed_mm_s: (speed) => `faster than ${short(speed)} mm/s`,
       for_s: (s) => `for ${short(s)} s`,
-    } as Record<string, (value: number, all: Readonly<Record<string, number>>) => string>,
+    } as Record<string, LimitWords>,
     goalsAsk: "What each goal asks", errorsCount: "What counts as an error",
 
     train: {

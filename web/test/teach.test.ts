@@ -8,6 +8,7 @@ import { add, move, remove, weeksOf } from "../src/teach/plan";
 import { stateOf, type Cell } from "../src/teach/progress";
 import { quantile } from "../src/teach/quantile";
 import { Attention, SNOOZE_MS, USUAL_LIMITS, type Observed } from "../src/teach/rules";
+import { text } from "../src/text";
 import { sees } from "../src/teach/sight";
 
 const attempt = { number: 1, task: "probe-in-order", title: "Probing", ended: false, time_s: 10, met: 0 };
@@ -123,8 +124,9 @@ test("an optic sees along its tilt, up to half its field", () => {
 });
 
 test("what a goal asks is told in sentences, in one order, and an unknown number not at all", () => {
-  assert.deepEqual(sentencesOf({ hold_s: 1, rim_mm: 3, under_share: 0.2, other: 4 }), ["left to remove: at most 20 % of the plan", "remaining rim: at least 3 mm", "held for 1 s"]);
+  assert.deepEqual(sentencesOf({ hold_s: 1, rim_mm: 3, under_share: 0.2, other: 4 }), ["left to remove: at most 20 % of the plan", "thinnest remaining rim: at least 3 mm", "held for 1 s"]);
   assert.deepEqual(sentencesOf({ flexion_from_deg: 60, flexion_to_deg: 100 }), ["flexed 60 to 100°"]);
+  assert.deepEqual(sentencesOf({ over_share: 0.3, for_s: 8 }, text.teach.errorLimits), ["removed too much: over 30 % of the plan", "for 8 s"]);
 });
 
 test("a quantile lies between its neighbours", () => {

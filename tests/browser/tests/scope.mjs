@@ -10,7 +10,7 @@ import { view } from "../wire.mjs";
 const [PROBE, SCOPE] = [4, 8]; // channels
 const SIDE = 900;
 const OFF_PX = 3;
-const SETTLED_MS = 5000;
+const SETTLED_MS = 20_000; // ends what hangs: without a graphics processor a picture takes its time
 const STEP_DEG = 15; // of a key
 const DRAWN_LEAST = 40;
 // As the server's config has it, or the usual one: as long as nobody has chosen another.

@@ -380,6 +380,7 @@ void get_curve(struct api_call *call) {
                                           .trainee = trainee,
                                           .purpose = "practice",
                                           .hand = hand,
+                                          .counted = true,
                                           .limit = CURVE_MAX};
     if (!task || (course && !call_may_see(call, course)))
         return;

@@ -12,9 +12,10 @@ struct gate {
     double best_s;          // of those that passed; 0: none
 };
 
-// The next attempt, oldest first. One on another case than the task's does not count.
+// The next attempt, oldest first. One on another case than the task's does not count; a pass of a
+// task that was locked then opens nothing.
 void gate_add(struct gate *gate, const struct curriculum_task *task, const char *case_name,
-              const char *hand, bool passed, double time_s);
+              const char *hand, bool passed, bool locked, double time_s);
 
 bool gate_hand_is_passed(const struct gate *gate, const struct curriculum_task *task, int hand);
 bool gate_is_passed(const struct gate *gate, const struct curriculum_task *task);

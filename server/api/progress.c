@@ -66,7 +66,8 @@ static void take_practice(void *user, const struct store_cell *cells, int count)
     (void)count;
     if (person && task >= 0)
         gate_add(&person->gates[task], &s->curriculum->tasks[task], cells[2].text, cells[3].text,
-                 !strcmp(cells[4].text, "passed"), cells[5].real);
+                 !strcmp(cells[4].text, "passed"),
+                 gate_is_locked(person->gates, s->curriculum, task), cells[5].real);
 }
 
 static void take_exam(void *user, const struct store_cell *cells, int count) {

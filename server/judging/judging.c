@@ -84,8 +84,7 @@ static bool on_ended(void *user, const struct trace_outcome *ended) {
     struct judging *j = user;
     if (!j->runs)
         return true;
-    if (ended->end == ATTEMPT_LEFT)
-        attempt_leave(&j->attempt);
+    attempt_end_as(&j->attempt, ended->end);
     tell(j, ended);
     return true;
 }

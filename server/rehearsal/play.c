@@ -116,6 +116,6 @@ void play_motion(const struct motion *motion, double rate_hz, const struct scene
     struct play *play = play_create(rate_hz, scene, site, watch);
     play_on(play, motion);
     *out_attempt = play->attempt;
-    attempt_leave(out_attempt);
+    attempt_leave(out_attempt, true);
     play_destroy(&play);
 }

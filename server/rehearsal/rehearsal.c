@@ -231,7 +231,7 @@ static int pursue_all(struct planner *p, const char *scope, const char *other,
     p->out->goal = met == p->task->goal_count ? -1 : met;
     if (p->play)
         p->out->attempt = *play_attempt(p->play);
-    attempt_leave(&p->out->attempt);
+    attempt_leave(&p->out->attempt, true);
     play_destroy(&p->play);
     plan_end(&p->plan);
     return met;

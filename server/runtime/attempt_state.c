@@ -15,7 +15,7 @@ _Static_assert(sizeof((arthron_AttemptState *)0)->task == TASK_NAME_MAX &&
                    sizeof((arthron_AttemptState *)0)->title == TASK_NAME_MAX * 2 &&
                    TRACE_TASK_NAME_MAX == TASK_NAME_MAX && TRACE_TASK_MAX == TASK_FILE_MAX,
                "its names fit");
-_Static_assert((int)arthron_AttemptState_End_LEFT == ATTEMPT_LEFT &&
+_Static_assert((int)arthron_AttemptState_End_STOPPED == ATTEMPT_STOPPED &&
                    (int)arthron_AttemptState_Verdict_NOT_YET == VERDICT_NOT_YET &&
                    (int)arthron_AttemptState_Purpose_EXAM == ATTEMPT_EXAM &&
                    (int)arthron_AttemptState_Hand_LEFT_HAND == ATTEMPT_LEFT_HAND,

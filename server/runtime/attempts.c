@@ -50,7 +50,7 @@ static bool end(struct worker *worker, struct station_runtime *station, bool las
 // Of an attempt that this server cannot judge: its trace takes no other one before.
 static bool end_lost(struct session_runtime *session) {
     struct trace_outcome left = {
-        .number = session->attempt_lost, .end = ATTEMPT_LEFT, .verdict = VERDICT_NOT_YET};
+        .number = session->attempt_lost, .end = ATTEMPT_STOPPED, .verdict = VERDICT_NOT_YET};
     if (session->attempt_lost && trace_append_ended(session->trace, &left))
         session->attempt_lost = 0;
     return !session->attempt_lost;
@@ -113,11 +113,11 @@ bool attempts_take(struct worker *worker, struct station_runtime *station,
     return taken;
 }
 
-bool attempts_leave(struct worker *worker, struct station_runtime *station) {
+bool attempts_leave(struct worker *worker, struct station_runtime *station, bool by_trainee) {
     struct session_attempt *attempt = station->session ? station->session->attempt : NULL;
     if (!attempt || attempt->attempt.end != ATTEMPT_RUNS)
         return false;
-    attempt_leave(&attempt->attempt);
+    attempt_leave(&attempt->attempt, by_trainee);
     bool has_ended = end(worker, station, false);
     if (!has_ended) // the steps that follow would belong to it here, and in its trace they do
         attempt->attempt.end = ATTEMPT_RUNS;

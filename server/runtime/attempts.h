@@ -12,7 +12,7 @@ void attempts_begin(struct worker *worker, struct station_runtime *station);
 bool attempts_take(struct worker *worker, struct station_runtime *station,
                    struct session_attempt *attempt);
 // False: none runs, or its trace has no room for the end now; then it goes on.
-bool attempts_leave(struct worker *worker, struct station_runtime *station);
+bool attempts_leave(struct worker *worker, struct station_runtime *station, bool by_trainee);
 
 // Behind each step, once it is recorded.
 void attempts_step(struct worker *worker, struct station_runtime *station,

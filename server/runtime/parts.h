@@ -116,6 +116,7 @@ struct worker_request {
         struct session_runtime *session; // REQUEST_ATTACH
         enum input_kind input;           // REQUEST_INPUT
         struct session_attempt *attempt; // REQUEST_ATTEMPT
+        bool by_trainee;                 // REQUEST_LEAVE
         struct {                         // REQUEST_REMARK
             uint64_t of_session;
             struct remark remark;

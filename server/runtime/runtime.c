@@ -199,9 +199,10 @@ bool runtime_attempt(struct runtime *r, int station, struct session_attempt *att
     return request(r, &wanted);
 }
 
-bool runtime_leave_attempt(struct runtime *r, int station, uint64_t ticket) {
-    return request(
-        r, &(struct worker_request){.kind = REQUEST_LEAVE, .station = station, .ticket = ticket});
+bool runtime_leave_attempt(struct runtime *r, int station, bool by_trainee, uint64_t ticket) {
+    struct worker_request wanted = {
+        .kind = REQUEST_LEAVE, .station = station, .ticket = ticket, .by_trainee = by_trainee};
+    return request(r, &wanted);
 }
 
 bool runtime_mesh_request(struct runtime *r, const struct mesh_request *wanted) {

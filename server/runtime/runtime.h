@@ -59,7 +59,7 @@ bool runtime_remark(struct runtime *runtime, int station, uint64_t session,
 // NOTICE_ATTEMPT.
 bool runtime_attempt(struct runtime *runtime, int station, struct session_attempt *attempt,
                      uint64_t ticket);
-bool runtime_leave_attempt(struct runtime *runtime, int station, uint64_t ticket);
+bool runtime_leave_attempt(struct runtime *runtime, int station, bool by_trainee, uint64_t ticket);
 // Subscribes a page, or passes its message on. On success it takes over the request's mailbox.
 bool runtime_mesh_request(struct runtime *runtime, const struct mesh_request *request);
 

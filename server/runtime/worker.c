@@ -126,7 +126,7 @@ static bool do_request(struct worker *worker, struct station_runtime *station,
     case REQUEST_ATTEMPT:
         return attempts_take(worker, station, request->attempt);
     default:
-        return attempts_leave(worker, station);
+        return attempts_leave(worker, station, request->by_trainee);
     }
 }
 

@@ -181,21 +181,33 @@ bool attempts_begin_command(struct sessions *s, int station, const arthron_Comma
     return false;
 }
 
+static bool leave(struct sessions *s, int station, bool by_trainee, bool *out_done) {
+    struct station_slot *slot = &s->slots[station];
+    uint64_t ticket = station_slot_new_ticket(slot);
+    return runtime_leave_attempt(s->runtime, station, by_trainee, ticket) &&
+           station_slot_wait_taken(slot, ticket, clock_now_ns() + TAKEN_WAIT_NS, out_done);
+}
+
+void attempts_leave_own(struct sessions *s, int station) {
+    struct live_attempt shown;
+    bool done;
+    if (is_running(s, station, &shown) &&
+        shown.state.purpose == arthron_AttemptState_Purpose_PRACTICE)
+        leave(s, station, true, &done);
+}
+
 bool attempts_leave_command(struct sessions *s, int station, const arthron_Command *command,
                             arthron_CommandReply *reply) {
-    struct station_slot *slot = &s->slots[station];
     struct station_status status;
     struct live_attempt shown;
-    station_slot_status(slot, &status);
+    bool done;
+    station_slot_status(&s->slots[station], &status);
     bool runs = is_running(s, station, &shown);
     if (!is_allowed(s, station, command, (enum attempt_purpose)shown.state.purpose, reply))
         return false;
     if (!runs || shown.session != status.about.serial)
         return reply_refuse(reply, "station %s: no attempt runs", station_name(s, station));
-    uint64_t ticket = station_slot_new_ticket(slot);
-    bool done;
-    if (!runtime_leave_attempt(s->runtime, station, ticket) ||
-        !station_slot_wait_taken(slot, ticket, clock_now_ns() + TAKEN_WAIT_NS, &done))
+    if (!leave(s, station, command->trainee[0], &done))
         return reply_refuse(reply, "station %s: its worker is too busy", station_name(s, station));
     return done ? (reply->ok = true)
                 : reply_refuse(reply,

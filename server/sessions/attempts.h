@@ -10,6 +10,8 @@ bool attempts_begin_command(struct sessions *sessions, int station, const arthro
                             arthron_CommandReply *reply);
 bool attempts_leave_command(struct sessions *sessions, int station, const arthron_Command *command,
                             arthron_CommandReply *reply);
+// Its trainee gives the session up: practice that runs is left by them, as far as its worker can.
+void attempts_leave_own(struct sessions *sessions, int station);
 
 // Whether one of an exam runs at the station.
 bool attempts_exam_runs(struct sessions *sessions, int station);

@@ -165,6 +165,8 @@ static bool take_station(struct sessions *s, int station, const char *trainee,
 // Trainees end their own, and the station is free for the next.
 static bool stop(struct sessions *s, int station, const char *trainee,
                  arthron_CommandReply *reply) {
+    if (trainee[0])
+        attempts_leave_own(s, station);
     if (!course_stop(s, station, reply))
         return false;
     return !trainee[0] || assign(s, station, "", reply);

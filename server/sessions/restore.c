@@ -73,8 +73,7 @@ static void take_ended(struct restored *a, const struct trace_outcome *ended) {
     a->attempt_lost = 0;
     if (!attempt)
         return;
-    if (ended->end == ATTEMPT_LEFT)
-        attempt_leave(&attempt->attempt);
+    attempt_end_as(&attempt->attempt, ended->end);
     if (attempt->attempt.end != ended->end) {
         attempts_free(&attempt);
         return;

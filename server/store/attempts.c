@@ -182,9 +182,10 @@ enum result store_attempt_list(struct store *store, const struct attempt_filter 
                    "s.trainee_id "
                    "AND t.id NOT IN " STORE_BLIND_SESSIONS(
                        "?13") ")))) "
-                              "ORDER BY a.begun_utc_ns DESC, a.id DESC LIMIT ?12",
-        &statement, err, "ttttttiiitiit", f->course, f->task, f->trainee, f->session, f->purpose,
+                              "AND (?14 = 0 OR " STORE_ATTEMPT_COUNTS
+                              ") ORDER BY a.begun_utc_ns DESC, a.id DESC LIMIT ?12",
+        &statement, err, "ttttttiiitiiti", f->course, f->task, f->trainee, f->session, f->purpose,
         f->hand, f->from_utc_ns, f->to_utc_ns, (int64_t)f->number, f->before_session,
-        (int64_t)f->before_number, (int64_t)f->limit, f->rater);
+        (int64_t)f->before_number, (int64_t)f->limit, f->rater, (int64_t)f->counted);
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }

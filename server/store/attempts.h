@@ -25,7 +25,7 @@ struct attempt_row {
     int goals, goals_met, errors;
     bool sentinel;      // an error ended it
     char verdict[16];   // "passed", "not yet"
-    char end[16];       // "done", "time out", "sentinel error", "left"
+    char end[16];       // "done", "time out", "sentinel error", "left", "stopped"
     double pass_time_s; // what it was judged by
     int pass_errors;
     int mark_version;                               // of the pass mark; 0: the task file's
@@ -33,8 +33,9 @@ struct attempt_row {
     char occurrences[ATTEMPT_OCCURRENCES_TEXT_MAX]; // a JSON array; empty: none
 };
 
-// Replaces an attempt of the same session and number; *out_new: there was none. An attempt for an exam that has begun joins
-// it: the first at the task, on the case and with the hand that the exam names.
+// Replaces an attempt of the same session and number; *out_new: there was none. An attempt for an
+// exam that has begun joins it: the first at the task, on the case and with the hand that the exam
+// names.
 //
 // RESULT_MISSING: the records have no such session. An attempt of a trainee who was erased is not
 // kept, which is no error.
@@ -53,6 +54,7 @@ struct attempt_filter {
     const char *before_session; // only those older than this attempt
     int before_number;
     int limit;
+    bool counted; // only those that ran, and that nobody but their trainee ended
     // A rater, who finds nothing by the name of a trainee that it must not learn; NULL: nobody.
     const char *rater;
 };

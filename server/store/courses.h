@@ -51,7 +51,8 @@ enum result store_freeze_curriculum(struct store *store, const char *course, int
                                     struct error *err);
 
 // Attempts of a course's trainees, or of one of them (NULL: of all): trainee, task, case, hand,
-// verdict, time_s, begun_utc_ns; those of a trainee after each other, oldest first. Only practice.
+// verdict, time_s, begun_utc_ns; those of a trainee after each other, oldest first. Only practice
+// that counts (attempts.h).
 enum result store_practice_in(struct store *store, const char *course, const char *trainee,
                               store_row_handler take, void *user, struct error *err);
 

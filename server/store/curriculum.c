@@ -319,8 +319,9 @@ enum result store_practice_in(struct store *store, const char *course, const cha
         "SELECT t.name AS trainee, a.task, c.name AS \"case\", a.hand, a.verdict, a.time_s, "
         "a.begun_utc_ns FROM attempt a JOIN session s ON s.id = a.session_id "
         "JOIN knee_case c ON c.id = s.case_id JOIN trainee t ON t.id = s.trainee_id "
-        "JOIN enrolment e ON e.trainee_id = t.id WHERE a.purpose = 'practice' AND "
-        "e.course_id = (SELECT id FROM course WHERE name = ?1) AND (?2 IS NULL OR t.name = ?2) "
+        "JOIN enrolment e ON e.trainee_id = t.id WHERE a.purpose = 'practice' "
+        "AND " STORE_ATTEMPT_COUNTS " AND e.course_id = (SELECT id FROM course WHERE name = ?1) "
+                                    "AND (?2 IS NULL OR t.name = ?2) "
         "ORDER BY t.name, a.begun_utc_ns, a.id",
         &statement, err, "tt", course, trainee);
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;

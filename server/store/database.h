@@ -80,6 +80,9 @@ enum result store_begin(struct store *store, struct error *err);
     "LEFT JOIN trainee ON trainee.id = s.trainee_id "                                              \
     "LEFT JOIN exam_task x ON x.attempt_id = a.id LEFT JOIN exam ON exam.id = x.exam_id "
 
+// Whether an attempt `a` says something of its trainee: nobody else ended it, and it ran.
+#define STORE_ATTEMPT_COUNTS "(a.end <> 'stopped' AND a.time_s > 0)"
+
 // The columns of LIST_EXAMS, of exams `e`.
 #define STORE_EXAMS                                                                                \
     "SELECT e.id, course.name AS course, trainee.name AS trainee, e.title, e.state, e.seed, "      \

@@ -144,7 +144,7 @@ static const char teaching[] =
     "  errors INTEGER NOT NULL,"
     "  sentinel INTEGER NOT NULL CHECK (sentinel IN (0, 1)),"
     "  verdict TEXT NOT NULL CHECK (verdict IN ('passed', 'not yet')),"
-    "  end TEXT NOT NULL CHECK (end IN ('done', 'time out', 'sentinel error', 'left')),"
+    "  end TEXT NOT NULL CHECK (end IN ('done', 'time out', 'sentinel error', 'left', 'stopped')),"
     "  pass_time_s REAL NOT NULL,"
     "  pass_errors INTEGER NOT NULL,"
     "  mark_version INTEGER NOT NULL,"

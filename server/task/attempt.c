@@ -201,7 +201,7 @@ struct attempt_news attempt_step(struct attempt *a, const struct site *site,
     if (a->running)
         judge(a, site, output, &news);
     if (output->state == SESSION_CLOSED)
-        attempt_leave(a);
+        attempt_leave(a, false);
     news.ended = a->end != ATTEMPT_RUNS;
     return news;
 }
@@ -211,13 +211,18 @@ struct attempt_news attempt_take(struct attempt *a, const struct site *site, enu
     bool leaves = kind == INPUT_RESET && a->end == ATTEMPT_RUNS;
     if (!leaves)
         return attempt_step(a, site, output);
-    attempt_leave(a);
+    attempt_leave(a, false);
     return (struct attempt_news){.ended = true};
 }
 
-void attempt_leave(struct attempt *a) {
+void attempt_leave(struct attempt *a, bool by_trainee) {
     if (a->end == ATTEMPT_RUNS)
-        a->end = ATTEMPT_LEFT;
+        a->end = by_trainee ? ATTEMPT_LEFT : ATTEMPT_STOPPED;
+}
+
+void attempt_end_as(struct attempt *a, enum attempt_end recorded) {
+    if (recorded == ATTEMPT_LEFT || recorded == ATTEMPT_STOPPED)
+        attempt_leave(a, recorded == ATTEMPT_LEFT);
 }
 
 double attempt_time_s(const struct attempt *a) {

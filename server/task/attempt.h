@@ -72,7 +72,7 @@ struct attempt_news {
 // It begins with the next step.
 void attempt_init(struct attempt *attempt);
 
-// Adds the session's next step, and the kind of its input: a reset ends the attempt as left.
+// Adds the session's next step, and the kind of its input: a reset stops the attempt.
 // Nothing changes once it has ended.
 struct attempt_news attempt_take(struct attempt *attempt, const struct site *site,
                                  enum input_kind kind, const struct session_output *output);
@@ -80,7 +80,10 @@ struct attempt_news attempt_take(struct attempt *attempt, const struct site *sit
 struct attempt_news attempt_step(struct attempt *attempt, const struct site *site,
                                  const struct session_output *output);
 
-void attempt_leave(struct attempt *attempt); // ATTEMPT_LEFT, unless it has ended
+// ATTEMPT_LEFT or ATTEMPT_STOPPED, unless it has ended.
+void attempt_leave(struct attempt *attempt, bool by_trainee);
+// What a trace says that no step does: it was left or stopped.
+void attempt_end_as(struct attempt *attempt, enum attempt_end recorded);
 
 // By the task's pass mark: VERDICT_OPEN while it runs.
 enum verdict attempt_verdict(const struct attempt *attempt, const struct task *task);

@@ -42,7 +42,7 @@ static enum result play(struct trace_reader *reader, const struct site *site,
     struct trace_player player = {.user = &judging, .step = on_step, .progress = show_progress};
     attempt_init(&judging.attempt);
     enum result end = trace_play(reader, &player, why);
-    attempt_leave(&judging.attempt);
+    attempt_leave(&judging.attempt, true);
     *out_attempt = judging.attempt;
     return end;
 }

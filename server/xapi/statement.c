@@ -52,6 +52,10 @@ static json_t *score(struct row row) {
                      goals);
 }
 
+static bool is_complete(const char *end) {
+    return strcmp(end, "left") != 0 && strcmp(end, "stopped") != 0;
+}
+
 static json_t *result(struct row row, const char *site) {
     char duration[32];
     xapi_duration(cell_of(row, "time_s")->real, duration);
@@ -63,7 +67,7 @@ static json_t *result(struct row row, const char *site) {
                   number_of(row, "pass_errors"), "mark_version", number_of(row, "mark_version"));
     json_t *all =
         json_pack("{s:b, s:b, s:s, s:o}", "success", !strcmp(text_of(row, "verdict"), "passed"),
-                  "completion", strcmp(text_of(row, "end"), "left") != 0, "duration", duration,
+                  "completion", (int)is_complete(text_of(row, "end")), "duration", duration,
                   "extensions", xapi_extension(site, "attempt", figures));
     if (number_of(row, "goals") > 0)
         json_object_set_new(all, "score", score(row));

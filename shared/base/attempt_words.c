@@ -19,8 +19,8 @@ const char *verdict_name(enum verdict verdict) {
 }
 
 const char *attempt_end_name(enum attempt_end end) {
-    static const char *const names[ATTEMPT_END_COUNT] = {"runs", "done", "time out",
-                                                         "sentinel error", "left"};
+    static const char *const names[ATTEMPT_END_COUNT] = {"runs",           "done", "time out",
+                                                         "sentinel error", "left", "stopped"};
     return names[end];
 }
 

@@ -16,7 +16,8 @@ enum attempt_end {
     ATTEMPT_DONE,     // all goals are met
     ATTEMPT_TIME_OUT, // the limit's time is over
     ATTEMPT_SENTINEL, // an error ended it
-    ATTEMPT_LEFT,     // the session closed, or somebody ended it
+    ATTEMPT_LEFT,     // its trainee ended it
+    ATTEMPT_STOPPED,  // another one ended it, or the session was reset or closed
     ATTEMPT_END_COUNT
 };
 const char *attempt_end_name(enum attempt_end end); // "runs", "done", ...

@@ -26,7 +26,7 @@ struct living {
     struct job_result *landing;
     int64_t lands_ns; // the earliest
     uint64_t awaited; // of the trace: so much was appended when its disk was last waited for
-    struct task task;           // of the site
+    struct task task; // of the site
     struct site *site;
     struct attempt attempt, before; // after the last step, and after the one before
     struct lives *lives;
@@ -201,7 +201,7 @@ static void begin(struct living *l) {
 
 static void end(struct living *l) {
     const struct attempt *a = &l->attempt;
-    attempt_leave(&l->attempt);
+    attempt_leave(&l->attempt, true);
     l->lives->verdict = attempt_verdict(a, &l->file->task);
     l->lives->attempt = *a;
     struct trace_outcome outcome = {.number = 1,

@@ -42,7 +42,7 @@ static void the_limit_and_the_end_of_a_session_end_it(void **state) {
     steps(10);
     output.state = SESSION_CLOSED;
     steps(1);
-    assert_int_equal(attempt.end, ATTEMPT_LEFT);
+    assert_int_equal(attempt.end, ATTEMPT_STOPPED);
     assert_int_equal(attempt_verdict(&attempt, &task), VERDICT_NOT_YET);
 }
 

@@ -77,8 +77,8 @@ class Attempts(SystemTest):
         first, second, third = call_json("arthron-trace", "judge", self.trace)
         self.assertEqual((first["end"], first["hand"], first["purpose"]), ("done", "left", "practice"))
         self.assertEqual(first["verdict"], first["recorded"])
-        self.assertEqual((second["end"], second["purpose"]), ("left", "practice"))
-        self.assertEqual((third["end"], third["number"]), ("left", 3))
+        self.assertEqual((second["end"], second["purpose"]), ("stopped", "practice"))
+        self.assertEqual((third["end"], third["number"]), ("stopped", 3))
         self.assertTrue(all(one["same"] for one in (first, second, third)))
         self.assertEqual((first["mark_version"], second["mark_version"]), (0, 1))
         with sqlite3.connect(self.path("records.db")) as records:

@@ -20,8 +20,8 @@ static int minutes; // of the next attempt
 
 struct made {
     const char *session, *task, *hand, *purpose, *verdict, *end;
-    double time_s;
-    bool early; // it began before all exams
+    double time_s; // 0: 25; below 0: it never ran
+    bool early;    // it began before all exams
 };
 
 // The next attempt of a session; its number.
@@ -30,7 +30,7 @@ static int attempt(struct made made) {
                               .task_version = 1,
                               .title = "A task",
                               .last_step = 100,
-                              .time_s = made.time_s > 0 ? made.time_s : 25,
+                              .time_s = made.time_s == 0 ? 25 : fmax(made.time_s, 0),
                               .goals = 1,
                               .goals_met = 1,
                               .pass_time_s = 30};
@@ -49,8 +49,12 @@ static int attempt(struct made made) {
     return row.number;
 }
 
+static void passed_by(const char *session, const char *task, const char *hand) {
+    attempt((struct made){session, task, hand});
+}
+
 static void passed(const char *task, const char *hand) {
-    attempt((struct made){SESSION_ADA, task, hand});
+    passed_by(SESSION_ADA, task, hand);
 }
 
 static void failed(const char *task, const char *hand) {
@@ -134,7 +138,7 @@ static void the_next_task_opens_after_so_many_passes_in_a_row_with_each_hand(voi
     failed("steady", "right"); // no longer in a row
     today("steady", "right", 0);
     passed("steady", "right");
-    passed("probing", "right");                    // of another task
+    passed("probing", "right");                    // of another task, which is locked
     attempt((struct made){SESSION_EVE, "steady"}); // of another trainee
     attempt((struct made){SESSION_ADA, "steady", .purpose = "exam"});
     today("steady", "right", 1);
@@ -143,10 +147,31 @@ static void the_next_task_opens_after_so_many_passes_in_a_row_with_each_hand(voi
     failed("steady", "right"); // what was passed stays passed
     passed("steady", "left");
     passed("steady", "left");
+    today("probing", "either", 0); // what was passed ahead opens nothing
+    passed("probing", "right");
     must(200, "GET", "/trainees/me/today", token_of("ada.l"), NULL);
-    assert_true(json_is_null(json_object_get(json_array_get(json_object_get(said, "courses"), 0),
-                                             "next"))); // probing was passed before
+    assert_true(
+        json_is_null(json_object_get(json_array_get(json_object_get(said, "courses"), 0), "next")));
     assert_float_equal(number_at("courses.0.passed"), 2, 0);
+}
+
+static void what_others_ended_and_what_never_ran_counts_for_nothing(void **state) {
+    (void)state;
+    publish();
+    passed("steady", "right");
+    attempt((struct made){SESSION_ADA, "steady", .verdict = "not yet", .end = "stopped"});
+    attempt(
+        (struct made){SESSION_ADA, "steady", .verdict = "not yet", .end = "left", .time_s = -1});
+    today("steady", "right", 1);
+    must(200, "GET", "/curve?task=steady", token_of("ada.l"), NULL);
+    assert_int_equal(count_at("attempts"), 1);
+    assert_float_equal(number_at("cusum.scores.0"), log(0.9 / 0.8), 1e-12);
+    must(200, "GET", "/attempts", token_of("ada.l"), NULL);
+    assert_int_equal(count_at("attempts"), 3);
+    attempt((struct made){SESSION_ADA, "steady", .verdict = "not yet", .end = "left"});
+    today("steady", "right", 0);
+    must(200, "GET", "/curve?task=steady", token_of("ada.l"), NULL);
+    assert_float_equal(number_at("cusum.scores.1"), 0, 0);
 }
 
 static void the_progress_of_a_course_is_its_trainees_by_its_tasks(void **state) {
@@ -155,7 +180,9 @@ static void the_progress_of_a_course_is_its_trainees_by_its_tasks(void **state) 
     must(204, "POST", "/courses/autumn/trainees", grace, "{\"trainee\":\"eve\"}");
     publish();
     passed("steady", "right");
-    attempt((struct made){SESSION_EVE, "probing", .time_s = 21});
+    attempt((struct made){SESSION_EVE, "probing", .time_s = 21}); // ahead
+    for (int i = 0; i < 4; i++)
+        passed_by(SESSION_EVE, "steady", i < 2 ? "right" : "left");
     attempt((struct made){SESSION_EVE, "probing", .time_s = 28});
     must(200, "GET", "/courses/autumn/progress", grace, NULL);
     assert_int_equal(count_at("trainees"), 2);
@@ -595,6 +622,7 @@ int main(void) {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, begin, api_end)
         TEST(a_draft_is_the_instructors_until_it_is_published_and_frozen),
         TEST(the_next_task_opens_after_so_many_passes_in_a_row_with_each_hand),
+        TEST(what_others_ended_and_what_never_ran_counts_for_nothing),
         TEST(the_progress_of_a_course_is_its_trainees_by_its_tasks),
         TEST(only_the_cases_of_a_task_count),
         TEST(a_trainee_sees_the_own_attempts_alone),

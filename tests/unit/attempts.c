@@ -161,21 +161,21 @@ static void one_runs_at_a_time_until_it_is_left(void **state) {
     begin_task(sessions, "late");
     assert_string_equal(ask_for(sessions, "soon")->text, "station room-1: an attempt runs: late");
     assert_true(ask(sessions, leave)->ok);
-    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_STOPPED);
     assert_string_equal(ask(sessions, leave)->text, "station room-1: no attempt runs");
-    assert_int_equal(judge_all(sessions, 1)->all[0].ended.end, ATTEMPT_LEFT);
+    assert_int_equal(judge_all(sessions, 1)->all[0].ended.end, ATTEMPT_STOPPED);
     sessions_destroy(&sessions);
 }
 
-static void a_reset_and_the_end_of_the_session_leave_it(void **state) {
+static void a_reset_and_the_end_of_the_session_stop_it(void **state) {
     (void)state;
     struct sessions *sessions = begin();
     begin_task(sessions, "late");
     hall_command(sessions, arthron_Command_Kind_RESET);
-    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_STOPPED);
     begin_task(sessions, "late");
     hall_command(sessions, arthron_Command_Kind_STOP);
-    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_STOPPED);
     const struct found *found = judge_all(sessions, 2);
     assert_int_equal(found->count, 2);
     assert_int_equal(found->all[1].ended.verdict, VERDICT_NOT_YET);
@@ -259,7 +259,7 @@ static void the_next_server_goes_on_with_it(void **state) {
     begin_task(sessions, "soon");
     assert_int_equal(shown(sessions).number, 3);
     wait_for_end(sessions);
-    assert_int_equal(judge_all(sessions, 3)->all[1].ended.end, ATTEMPT_LEFT);
+    assert_int_equal(judge_all(sessions, 3)->all[1].ended.end, ATTEMPT_STOPPED);
     sessions_destroy(&sessions);
 }
 
@@ -367,6 +367,13 @@ static void who_trains_may_practise_in_an_own_session_alone(void **state) {
     assert_string_equal(ask(sessions, leave)->text, "station room-1: it has no session of yours");
     snprintf(leave.trainee, sizeof leave.trainee, "eva");
     assert_true(ask(sessions, leave)->ok);
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    assert_true(ask(sessions, command)->ok);
+    assert_true(ask_as(sessions, arthron_Command_Kind_STOP, "eva")->ok); // and goes home
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    const struct found *found = judge_all(sessions, 2);
+    assert_int_equal(found->all[0].attempt.end, ATTEMPT_LEFT);
+    assert_int_equal(found->all[1].ended.end, ATTEMPT_LEFT);
     sessions_destroy(&sessions);
 }
 
@@ -415,7 +422,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_attempt_is_judged_told_and_in_the_trace),
         cmocka_unit_test(one_runs_at_a_time_until_it_is_left),
-        cmocka_unit_test(a_reset_and_the_end_of_the_session_leave_it),
+        cmocka_unit_test(a_reset_and_the_end_of_the_session_stop_it),
         cmocka_unit_test(what_was_done_before_is_no_part_of_it),
         cmocka_unit_test(a_pause_does_not_count),
         cmocka_unit_test(the_next_server_goes_on_with_it),

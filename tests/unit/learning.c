@@ -114,6 +114,16 @@ static void of_adequate_trainees_nine_in_ten_signal_within_fifty_attempts(void *
     assert_near(share, exact_share(1, 1.6, 0.20, 0.10, 0.10), 0.012);
 }
 
+// No share is published for this rate, which is the rejected one of the weights.
+static void of_trainees_at_the_rejected_rate_four_in_ten_signal(void **state) {
+    (void)state;
+    double share = simulated_share(LEARNING, 0.20);
+    print_message("failure rate 0.20: %.4f signal, exactly %.4f\n", share,
+                  exact_share(1, 1.6, 0.20, 0.10, 0.20));
+    assert_near(share, 0.405, 0.015);
+    assert_near(share, exact_share(1, 1.6, 0.20, 0.10, 0.20), 0.015);
+}
+
 static void of_inadequate_trainees_one_in_ten_signals_within_fifty_attempts(void **state) {
     (void)state;
     double share = simulated_share(LEARNING, 0.30);
@@ -155,6 +165,7 @@ int main(void) {
         cmocka_unit_test(the_score_rises_and_falls_as_the_paper_writes),
         cmocka_unit_test(fourteen_successes_make_competent_and_four_failures_a_relapse),
         cmocka_unit_test(of_adequate_trainees_nine_in_ten_signal_within_fifty_attempts),
+        cmocka_unit_test(of_trainees_at_the_rejected_rate_four_in_ten_signal),
         cmocka_unit_test(of_inadequate_trainees_one_in_ten_signals_within_fifty_attempts),
         cmocka_unit_test(weights_of_the_inadequate_rate_would_pass_most_inadequate_trainees),
         cmocka_unit_test(a_relapse_is_shown_as_often_as_the_header_says),

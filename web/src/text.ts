@@ -572,7 +572,7 @@ export const text = {
     verdicts: { passed: "Passed", "not yet": "Not yet", open: "No verdict" } as Record<string, string>,
     ends: {
       done: "All goals are met.", "time out": "The time is over.", "sentinel error": "A grave error ended the attempt.", left: "You ended the attempt.",
-      ended: "The attempt has ended.",
+      stopped: "Somebody else ended the attempt, or the session ended.", ended: "The attempt has ended.",
     } as Record<string, string>,
     hands: { right: "scope in the right hand", left: "scope in the left hand", either: "scope in either hand" } as Record<string, string>,
     barOf: (label: string, value: string, pass: string, best: string | undefined) => `${label}: ${value}, pass line ${pass}${best === undefined ? "" : `, your best ${best}`}`,

@@ -7,7 +7,7 @@ import type { Attempt, Hand, Purpose, Verdict } from "./model";
 const ENDS: Record<AttemptState_End, string> = {
   [AttemptState_End.RUNS]: "", [AttemptState_End.DONE]: "done", [AttemptState_End.TIME_OUT]: "time out",
   [AttemptState_End.SENTINEL]: "sentinel error", [AttemptState_End.LEFT]: "left",
-  [AttemptState_End.ENDED]: "ended",
+  [AttemptState_End.STOPPED]: "stopped", [AttemptState_End.ENDED]: "ended",
 };
 const VERDICTS: Record<AttemptState_Verdict, Verdict> = {
   [AttemptState_Verdict.OPEN]: "open", [AttemptState_Verdict.PASSED]: "passed", [AttemptState_Verdict.NOT_YET]: "not yet",

@@ -75,8 +75,6 @@ class Tasks(SystemTest):
         found = call_json("arthron-trace", "judge", trace, "--task", task)
         self.assertEqual(found["verdict"], "passed")
         self.assertEqual([goal["name"] for goal in found["goals"]], [goal["name"] for goal in planned["goals"]])
-        between = [goals[1]["s"] - goals[0]["s"] for goals in (found["goals"], planned["goals"])]
-        self.assertAlmostEqual(*between, delta=0.3)
 
     def station_config(self, name="room-1", datagrams="yes", keys=None):
         path = super().station_config(name, datagrams, keys)

@@ -152,6 +152,11 @@ function usePicking({ controls, dashboard: { viewport } }: Station): void {
   }, []);
 }
 
+// On its own: who reads a signal is not drawn again where only what a prop holds has changed.
+function ExamBadge({ of }: { of: SessionControls }) {
+  return of.exam.value ? <span class="badge act"><Icon name="look" />{text.teach.exam.runs}</span> : null;
+}
+
 function Head({ of, old }: { of: Station; old: string | undefined }) {
   const { source, name, state } = of;
   const { session } = source;
@@ -163,7 +168,7 @@ function Head({ of, old }: { of: Station; old: string | undefined }) {
         <span class="badge state-badge" data-state={old !== undefined ? "old" : String(state)} hidden={source.refused}>
           <Icon name={old !== undefined ? "gone" : sign} />{old !== undefined ? text.station.unknown : text.wall.statuses[words]}
         </span>
-        {of.controls?.exam.value && <span class="badge act"><Icon name="look" />{text.teach.exam.runs}</span>}
+        {of.controls && <ExamBadge of={of.controls} />}
         <span class="session-clock number">{source.history.count ? format.clock(source.history.end) : ""}</span>
         <p class="stale badge now">{old ?? ""}</p>
         <p class="badge act" role="status" hidden={!source.note}>{source.note}</p>

@@ -433,8 +433,11 @@ static void leave_out(arthron_Reply *reply, int what) {
 // What makes it too long is left out, one after the other: the next reply has it too.
 static enum result encode_within(const arthron_Reply *reply, uint64_t challenge, uint8_t *message,
                                  size_t limit, size_t *out_size) {
+    if (!challenge && wire_encode_reply(reply, message, limit, out_size) == RESULT_OK)
+        return RESULT_OK;
     arthron_Reply other = *reply;
-    other.path_challenge = challenge;
+    if (challenge)
+        other.path_challenge = challenge;
     for (int what = WHOLE; what <= NO_CHALLENGE; what++) {
         leave_out(&other, what);
         if (wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)

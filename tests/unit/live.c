@@ -311,7 +311,7 @@ static void a_recorded_session_waits_for_its_page_and_not_for_others(void **stat
     watch(&other, arthron_Watch_What_RECORDED, id, 120);
     close_page(&pages[0]); // in the middle of it
     for (int k = 2; k >= 1; k--)
-        for (int i = 0; i < 10000 && !pages[k].done; i++)
+        for (int i = 0; i < 60000 && !pages[k].done; i++)
             if (draw(&pages[k]) > clock_now_ns())
                 hall_wait_ms(1);
     assert_true(pages[1].done && pages[2].done);

@@ -1,9 +1,9 @@
 #include "mockup.h"
 
 #include "base/clock.h"
+#include "program.h"
 
 #include <errno.h>
-#include <limits.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -62,17 +62,6 @@ static enum result write_bending(const char *path, struct error *err) {
     return RESULT_OK;
 }
 
-static enum result program_beside_us(char *out, size_t size, struct error *err) {
-    ssize_t length = readlink("/proc/self/exe", out, size - 1);
-    if (length < 0)
-        return fail(err, RESULT_IO, "/proc/self/exe: %s", strerror(errno));
-    out[length] = 0;
-    char *name = strrchr(out, '/') + 1;
-    snprintf(name, size - (size_t)(name - out), "arthron-mockup");
-    return access(out, X_OK) ? fail(err, RESULT_MISSING, "%s is not there: build it", out)
-                             : RESULT_OK;
-}
-
 struct play {
     const char *faults;
     double tracker_hz, registers_hz;
@@ -81,34 +70,6 @@ struct play {
 
 static bool has_handle(const struct play *play) {
     return !play->bends && !mockup_without_hid();
-}
-
-static void run_program(const struct mockup *m, const char *program, const struct play *play,
-                        int out_fd) {
-    char rate[32], registers[32], faults[128];
-    const char *arguments[24] = {program,       "--motion",      m->motion, "--modbus-tcp",
-                                 "127.0.0.1:0", "--modbus-rate", registers, "--tracker",
-                                 "127.0.0.1:0", "--rate",        rate,      "--faults",
-                                 faults};
-    int count = 13;
-    snprintf(rate, sizeof rate, "%g", play->tracker_hz);
-    snprintf(registers, sizeof registers, "%g", play->registers_hz);
-    path_in(m, "faults.ini", faults, sizeof faults);
-    if (!play->bends) {
-        arguments[count++] = "--modbus-rtu";
-        arguments[count++] = m->serial;
-        arguments[count++] = "--slaves";
-        arguments[count++] = "2";
-    }
-    if (has_handle(play)) {
-        arguments[count++] = "--hid";
-        arguments[count++] = m->hid;
-        arguments[count++] = "--hid-rate";
-        arguments[count++] = rate;
-    }
-    dup2(out_fd, STDOUT_FILENO);
-    execv(program, (char *const *)arguments);
-    _exit(127);
 }
 
 static enum result read_addresses(struct mockup *m, int fd, const struct play *play,
@@ -127,18 +88,30 @@ static enum result read_addresses(struct mockup *m, int fd, const struct play *p
 }
 
 static enum result spawn(struct mockup *m, const struct play *play, struct error *err) {
-    char program[PATH_MAX];
-    int pipes[2];
-    enum result result = program_beside_us(program, sizeof program, err);
-    if (result != RESULT_OK)
-        return result;
-    if (pipe(pipes))
-        return fail(err, RESULT_IO, "pipe: %s", strerror(errno));
-    m->pid = fork();
-    if (!m->pid)
-        run_program(m, program, play, pipes[1]);
-    close(pipes[1]);
-    return read_addresses(m, pipes[0], play, err);
+    char rate[32], registers[32], faults[128];
+    int out;
+    struct program program = {.words = {"arthron-mockup", "--motion", m->motion, "--modbus-tcp",
+                                        "127.0.0.1:0", "--modbus-rate", registers, "--tracker",
+                                        "127.0.0.1:0", "--rate", rate, "--faults", faults},
+                              .cpu = -1};
+    const char **next = program.words + 13;
+    snprintf(rate, sizeof rate, "%g", play->tracker_hz);
+    snprintf(registers, sizeof registers, "%g", play->registers_hz);
+    path_in(m, "faults.ini", faults, sizeof faults);
+    if (!play->bends) {
+        *next++ = "--modbus-rtu";
+        *next++ = m->serial;
+        *next++ = "--slaves";
+        *next++ = "2";
+    }
+    if (has_handle(play)) {
+        *next++ = "--hid";
+        *next++ = m->hid;
+        *next++ = "--hid-rate";
+        *next++ = rate;
+    }
+    enum result result = program_start(&program, &m->pid, &out, err);
+    return result == RESULT_OK ? read_addresses(m, out, play, err) : result;
 }
 
 static enum result start(const struct play *play, struct mockup *m, struct error *err) {

@@ -1,0 +1,300 @@
+#include "hall.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "link/key_files.h"
+#include "link/link_parts.h"
+#include "net/authority.h"
+#include "program.h"
+
+#include <arpa/inet.h>
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <openssl/x509.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#define PATIENCE_NS (60 * NS_PER_S)
+#define REQUEST_MAX 1024
+#define LOOK_NS (10 * NS_PER_MS)
+
+static void path_in(const struct hall *hall, const char *name, char *out, size_t size) {
+    snprintf(out, size, "%s/%s", hall->folder, name);
+}
+
+static void name_station(int station, char out[32]) {
+    snprintf(out, 32, "station-%d", station);
+}
+
+static void pause_ns(int64_t ns) {
+    nanosleep(&(struct timespec){ns / NS_PER_S, ns % NS_PER_S}, NULL);
+}
+
+// ---- the server ---------------------------------------------------------------------------------
+
+static int free_port(int type) {
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof address;
+    int fd = socket(AF_INET, type | SOCK_CLOEXEC, 0);
+    int failed = fd < 0 || bind(fd, (struct sockaddr *)&address, size) ||
+                 getsockname(fd, (struct sockaddr *)&address, &size);
+    NEED(!failed, "port");
+    close(fd);
+    return ntohs(address.sin_port);
+}
+
+static enum result write_config(const struct hall *hall, const struct hall_setup *setup,
+                                struct error *err) {
+    char path[128];
+    path_in(hall, "server.ini", path, sizeof path);
+    FILE *file = fopen(path, "w");
+    if (!file)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    fprintf(file,
+            "[server]\naddress = 127.0.0.1\nport = %d\nudp_port = %d\nworkers = 1\nkeys = keys\n"
+            "traces = traces\nsocket = s\n[case hall]\ndir = %s\n",
+            hall->port, free_port(SOCK_DGRAM), setup->case_dir);
+    for (int i = 0; i < hall->station_count; i++)
+        fprintf(file, "[station station-%d]\ncase = hall\n", i);
+    return fclose(file) ? fail(err, RESULT_IO, "%s: %s", path, strerror(errno)) : RESULT_OK;
+}
+
+static enum result make_keys(const struct hall *hall, struct error *err) {
+    char keys[128];
+    const char *host = "127.0.0.1";
+    path_in(hall, "keys", keys, sizeof keys);
+    return authority_init(keys, &host, 1, err);
+}
+
+static bool says(const char *path, const char *text) {
+    char line[512];
+    bool found = false;
+    FILE *file = fopen(path, "r");
+    while (file && !found && fgets(line, sizeof line, file))
+        found = strstr(line, text) != NULL;
+    if (file)
+        fclose(file);
+    return found;
+}
+
+static enum result start_server(struct hall *hall, const struct hall_setup *setup,
+                                struct error *err) {
+    char config[128], log[128];
+    path_in(hall, "server.ini", config, sizeof config);
+    path_in(hall, "server.log", log, sizeof log);
+    struct program program = {
+        {"arthron-server", "run", "--config", config}, .log = log, .cpu = setup->cpu};
+    if (setup->field) {
+        program.words[4] = "--bench-field";
+        program.words[5] = setup->field;
+    }
+    enum result result = program_start(&program, &hall->pid, NULL, err);
+    int64_t end_ns = clock_now_ns() + PATIENCE_NS;
+    while (result == RESULT_OK && !says(log, "ready")) {
+        bool ended = waitpid(hall->pid, NULL, WNOHANG) == hall->pid;
+        if (ended)
+            hall->pid = 0;
+        if (ended || clock_now_ns() > end_ns)
+            return fail(err, RESULT_CLOSED, "arthron-server %s", ended ? "ended" : "is not ready");
+        pause_ns(LOOK_NS);
+    }
+    return result;
+}
+
+// ---- its threads --------------------------------------------------------------------------------
+
+static bool is_called(pid_t pid, const char *thread, const char *name) {
+    char path[320], comm[32] = "";
+    snprintf(path, sizeof path, "/proc/%d/task/%s/comm", pid, thread);
+    FILE *file = fopen(path, "r");
+    bool called = file && fgets(comm, sizeof comm, file) && !strncmp(comm, name, strlen(name));
+    if (file)
+        fclose(file);
+    return called;
+}
+
+static pid_t find_thread(pid_t pid, const char *name) {
+    char path[64];
+    snprintf(path, sizeof path, "/proc/%d/task", pid);
+    DIR *threads = opendir(path);
+    pid_t found = 0;
+    for (struct dirent *thread; threads && !found && (thread = readdir(threads));)
+        if (is_called(pid, thread->d_name, name))
+            found = atoi(thread->d_name);
+    if (threads)
+        closedir(threads);
+    return found;
+}
+
+static int64_t thread_ns(pid_t pid, const char *thread) {
+    char path[320];
+    long long ns = 0;
+    snprintf(path, sizeof path, "/proc/%d/task/%s/schedstat", pid, thread);
+    FILE *file = fopen(path, "r");
+    if (file && fscanf(file, "%lld", &ns) != 1)
+        ns = 0;
+    if (file)
+        fclose(file);
+    return ns;
+}
+
+int64_t hall_worker_ns(const struct hall *hall) {
+    char thread[16];
+    snprintf(thread, sizeof thread, "%d", hall->worker);
+    return thread_ns(hall->pid, thread);
+}
+
+int64_t hall_server_ns(const struct hall *hall) {
+    clockid_t clock;
+    struct timespec time = {0};
+    if (!clock_getcpuclockid(hall->pid, &clock))
+        clock_gettime(clock, &time);
+    return time.tv_sec * NS_PER_S + time.tv_nsec;
+}
+
+double hall_memory(const struct hall *hall) {
+    char path[64], line[128];
+    double kib = NAN;
+    snprintf(path, sizeof path, "/proc/%d/smaps_rollup", hall->pid);
+    FILE *file = fopen(path, "r");
+    while (file && fgets(line, sizeof line, file))
+        if (!strncmp(line, "Private_Dirty:", 14))
+            kib = atof(line + 14);
+    if (file)
+        fclose(file);
+    return kib * 1024;
+}
+
+// ---- stations -----------------------------------------------------------------------------------
+
+static size_t encode_request(EVP_PKEY *key, uint8_t *der) {
+    X509_REQ *request = X509_REQ_new();
+    int made = request && X509_REQ_set_pubkey(request, key) == 1 &&
+               X509_REQ_sign(request, key, EVP_sha256()) > 0;
+    NEED(made, "memory");
+    int length = i2d_X509_REQ(request, &der);
+    X509_REQ_free(request);
+    return (size_t)length;
+}
+
+static enum result write_keys(const char *dir, EVP_PKEY *key, const struct authority_answer *answer,
+                              struct error *err) {
+    const uint8_t *of_station = answer->certificate_der, *of_authority = answer->authority_der;
+    X509 *certificate = d2i_X509(NULL, &of_station, (long)answer->certificate_size);
+    X509 *authority = d2i_X509(NULL, &of_authority, (long)answer->authority_size);
+    enum result result = key_files_write(dir, key, certificate, authority, err);
+    X509_free(certificate);
+    X509_free(authority);
+    return result;
+}
+
+// Beside the server, which lets one address enrol a station a second.
+static enum result enrol(const struct hall *hall, int station, struct error *err) {
+    char server_keys[128], keys[128], name[32], code[AUTHORITY_CODE_MAX];
+    uint8_t der[REQUEST_MAX];
+    struct authority_answer answer;
+    EVP_PKEY *key = EVP_EC_gen("P-256");
+    NEED(key, "memory");
+    struct authority_request request = {der, encode_request(key, der)};
+    name_station(station, name);
+    path_in(hall, "keys", server_keys, sizeof server_keys);
+    path_in(hall, name, keys, sizeof keys);
+    enum result result = authority_issue_code(server_keys, name, code, err);
+    if (result == RESULT_OK)
+        result = authority_enrol(server_keys, code, &request, &answer, err);
+    if (result == RESULT_OK)
+        result = write_keys(keys, key, &answer, err);
+    EVP_PKEY_free(key);
+    return result;
+}
+
+static enum result join(struct hall *hall, int station, struct error *err) {
+    char keys[128], name[32];
+    name_station(station, name);
+    path_in(hall, name, keys, sizeof keys);
+    struct link_config config = {.host = "127.0.0.1",
+                                 .port = hall->port,
+                                 .keys_dir = keys,
+                                 .station = name,
+                                 .software = "arthron-bench",
+                                 .datagrams = true,
+                                 .instruments = *instruments_usual(),
+                                 .device_count = 1};
+    snprintf(config.devices[0].name, sizeof config.devices[0].name, "bench");
+    return link_create(&config, &hall->links[station], err);
+}
+
+static bool answers_by_datagram(struct link *link, uint64_t *number) {
+    arthron_Reply reply;
+    struct link_status status;
+    int64_t until_ns = clock_now_ns() + LOOK_NS;
+    struct frame frame = load_frame(*number + 1, clock_now_ns());
+    if (link_send(link, &frame))
+        ++*number;
+    while (link_wait(link, until_ns, &reply))
+        ;
+    link_get_status(link, &status);
+    return status.path == LINK_DATAGRAM;
+}
+
+static enum result wait_for_all(struct hall *hall, struct error *err) {
+    int64_t end_ns = clock_now_ns() + PATIENCE_NS;
+    hall->callers = alloc((size_t)hall->station_count, sizeof *hall->callers);
+    for (int i = 0; i < hall->station_count; i++) {
+        struct caller *caller = &hall->callers[i];
+        while (!answers_by_datagram(hall->links[i], &caller->number))
+            if (clock_now_ns() > end_ns)
+                return fail(err, RESULT_CLOSED, "station %d gets no replies by datagram", i);
+        const struct udp *udp = &hall->links[i]->sender.udp;
+        caller->fd = udp->fd;
+        caller->to_server = udp->present.to_server;
+        caller->to_station = udp->present.to_station;
+    }
+    return RESULT_OK;
+}
+
+static enum result open_stations(struct hall *hall, struct error *err) {
+    enum result result = RESULT_OK;
+    hall->links = alloc((size_t)hall->station_count, sizeof *hall->links);
+    for (int i = 0; i < hall->station_count && result == RESULT_OK; i++)
+        result = enrol(hall, i, err);
+    for (int i = 0; i < hall->station_count && result == RESULT_OK; i++)
+        result = join(hall, i, err);
+    return result == RESULT_OK ? wait_for_all(hall, err) : result;
+}
+
+enum result hall_start(const struct hall_setup *setup, struct hall *hall, struct error *err) {
+    *hall = (struct hall){.station_count = setup->station_count, .port = free_port(SOCK_STREAM)};
+    folder_make(hall->folder);
+    enum result result = write_config(hall, setup, err);
+    if (result == RESULT_OK)
+        result = make_keys(hall, err);
+    if (result == RESULT_OK)
+        result = start_server(hall, setup, err);
+    if (result == RESULT_OK)
+        result = open_stations(hall, err);
+    hall->worker = find_thread(hall->pid, "worker");
+    if (result != RESULT_OK)
+        hall_end(hall);
+    return result;
+}
+
+void hall_end(struct hall *hall) {
+    for (int i = 0; hall->links && i < hall->station_count; i++)
+        if (hall->links[i])
+            link_destroy(&hall->links[i]);
+    free(hall->links);
+    free(hall->callers);
+    if (hall->pid > 0) {
+        kill(hall->pid, SIGTERM);
+        waitpid(hall->pid, NULL, 0);
+    }
+    folder_remove(hall->folder);
+}

@@ -1,0 +1,258 @@
+// arthron-bench server: a real server and its stations, over the real protocol, beside the least
+// that any server of poses could do (echo.h). Both take turns on one processor; the stations are on
+// another.
+#include "base/clock.h"
+#include "base/log.h"
+#include "bench.h"
+#include "echo.h"
+#include "generate/generate.h"
+#include "hall.h"
+
+#include <stdio.h>
+#include <time.h>
+#include <unistd.h>
+
+#define SERVER_CPU 0
+#define GROUPS 5 // the bones and the menisci
+#define RESOLUTION_MM 1.2
+#define BUSY_STATIONS 8
+#define BUSY_HZ 1000
+#define MANY_STATIONS 50
+#define FEW_STATIONS 5
+#define CROWD_HZ 100
+
+struct rounds {
+    int count;
+    int64_t lasts_ns;
+};
+
+// What one server gave, as medians over the rounds.
+struct figures {
+    double rate_over_sealed_echo, rate_over_plain_echo, added_p50, added_p99, lost;
+};
+
+// ---- the case -----------------------------------------------------------------------------------
+
+// Five groups of 22,000 triangles in the mean, some of them displaced.
+static enum result make_case(const char *folder, char *out_dir, size_t size, struct error *err) {
+    struct recipe recipe;
+    struct knee_case *knee = NULL;
+    snprintf(out_dir, size, "%s/case", folder);
+    enum result result = recipe_load(CASES "/arthrosis", &recipe, err);
+    recipe.resolution_mm = RESOLUTION_MM;
+    if (result == RESULT_OK)
+        result = generate_knee(&recipe, &knee, err);
+    if (result != RESULT_OK)
+        return result;
+    int groups = knee->group_count;
+    knee->group_count = GROUPS;
+    result = case_save(knee, out_dir, err);
+    knee->group_count = groups;
+    case_destroy(&knee);
+    return result;
+}
+
+// ---- the server beside the echoes ---------------------------------------------------------------
+
+static double per_frame(int64_t ns, const struct load_result *result) {
+    return (double)ns / (double)result->answered;
+}
+
+static double echo_round(struct echo *echo, const struct load *load, struct load_result *out) {
+    int64_t before_ns = echo_ns(echo);
+    load_run(echo->callers, echo->count, load, out);
+    return per_frame(echo_ns(echo) - before_ns, out);
+}
+
+static double server_round(const struct hall *hall, int stations, const struct load *load,
+                           struct load_result *out) {
+    int64_t before_ns = hall_worker_ns(hall);
+    load_run(hall->callers, stations, load, out);
+    return per_frame(hall_worker_ns(hall) - before_ns, out);
+}
+
+struct ratios {
+    struct samples sealed, plain, p50, p99, worker_ns, echo_ns;
+    uint64_t sent, answered;
+};
+
+static void compare(const struct hall *hall, struct echo *sealed, struct echo *plain,
+                    double rate_hz, const struct rounds *rounds, struct ratios *out) {
+    struct load load = {rate_hz, rounds->lasts_ns};
+    for (int i = 0; i < rounds->count; i++) {
+        struct load_result of_sealed = {0}, of_plain = {0}, of_server = {0};
+        double sealed_ns = echo_round(sealed, &load, &of_sealed);
+        double worker_ns = server_round(hall, hall->station_count, &load, &of_server);
+        double plain_ns = echo_round(plain, &load, &of_plain);
+        double floor_us = samples_quantile(&of_sealed.round_trips_us, 0.5);
+        double late_us = samples_quantile(&of_sealed.round_trips_us, 0.99);
+        samples_add(&out->sealed, sealed_ns / worker_ns);
+        samples_add(&out->plain, plain_ns / worker_ns);
+        samples_add(&out->p50, samples_quantile(&of_server.round_trips_us, 0.5) / floor_us - 1);
+        samples_add(&out->p99, samples_quantile(&of_server.round_trips_us, 0.99) / late_us - 1);
+        samples_add(&out->worker_ns, worker_ns);
+        samples_add(&out->echo_ns, sealed_ns);
+        out->sent += of_server.sent;
+        out->answered += of_server.answered;
+        load_result_fini(&of_sealed);
+        load_result_fini(&of_plain);
+        load_result_fini(&of_server);
+    }
+}
+
+static void ratios_fini(struct ratios *r) {
+    struct samples *all[] = {&r->sealed, &r->plain, &r->p50, &r->p99, &r->worker_ns, &r->echo_ns};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        samples_fini(all[i]);
+}
+
+static enum result start_echoes(struct echo *sealed, struct echo *plain, int callers,
+                                struct error *err) {
+    enum result result = echo_start(callers, true, SERVER_CPU, sealed, err);
+    return result == RESULT_OK ? echo_start(callers, false, SERVER_CPU, plain, err) : result;
+}
+
+static void report_ratios(struct ratios *r, const char *field, struct report *report) {
+    bool usual = !field;
+    const char *name = field ? field : "default";
+    report_mark(report, usual ? "rate_default_over_sealed_echo" : "rate_over_sealed_echo",
+                samples_quantile(&r->sealed, 0.5), "1", usual ? 0.35 : 0.5, BETTER_HIGH);
+    report_figure(report, samples_quantile(&r->plain, 0.5), "1", "%s/rate over plain echo", name);
+    report_figure(report, samples_quantile(&r->worker_ns, 0.5) / 1e3, "us", "%s/worker a pose",
+                  name);
+    report_figure(report, samples_quantile(&r->echo_ns, 0.5) / 1e3, "us",
+                  "%s/sealed echo a datagram", name);
+}
+
+static void report_added(struct ratios *r, struct report *report) {
+    report_mark(report, "added_over_echo_p50", samples_quantile(&r->p50, 0.5), "1", 0.4,
+                BETTER_LOW);
+    report_mark(report, "added_over_echo_p99", samples_quantile(&r->p99, 0.5), "1", 1.0,
+                BETTER_LOW);
+}
+
+// As fast as the stations can ask, which are too many for any to have more than its share.
+static enum result rates(const struct hall *hall, const char *field, const struct rounds *rounds,
+                         struct report *report, struct error *err) {
+    struct echo sealed = {0}, plain = {0};
+    struct ratios ratios = {0};
+    enum result result = start_echoes(&sealed, &plain, hall->station_count, err);
+    if (result == RESULT_OK) {
+        compare(hall, &sealed, &plain, 0, rounds, &ratios);
+        report_ratios(&ratios, field, report);
+    }
+    echo_end(&sealed);
+    echo_end(&plain);
+    ratios_fini(&ratios);
+    return result;
+}
+
+static enum result added(const struct hall *hall, const struct rounds *rounds,
+                         struct report *report, struct error *err) {
+    struct hall few = *hall;
+    struct echo sealed = {0}, plain = {0};
+    struct ratios ratios = {0};
+    few.station_count = BUSY_STATIONS;
+    enum result result = start_echoes(&sealed, &plain, BUSY_STATIONS, err);
+    if (result == RESULT_OK) {
+        compare(&few, &sealed, &plain, BUSY_HZ, rounds, &ratios);
+        report_added(&ratios, report);
+    }
+    echo_end(&sealed);
+    echo_end(&plain);
+    ratios_fini(&ratios);
+    return result;
+}
+
+static enum result cheapest_field(const char *case_dir, const struct rounds *rounds,
+                                  struct report *report, struct error *err) {
+    struct hall hall;
+    struct hall_setup setup = {MANY_STATIONS, case_dir, "inverse-distance", SERVER_CPU};
+    enum result result = hall_start(&setup, &hall, err);
+    if (result != RESULT_OK)
+        return result;
+    result = rates(&hall, setup.field, rounds, report, err);
+    hall_end(&hall);
+    return result;
+}
+
+// ---- many stations ------------------------------------------------------------------------------
+
+static double idle_share(const struct hall *hall, int64_t lasts_ns) {
+    int64_t before_ns = hall_server_ns(hall), begin_ns = clock_now_ns();
+    nanosleep(&(struct timespec){lasts_ns / NS_PER_S, lasts_ns % NS_PER_S}, NULL);
+    return (double)(hall_server_ns(hall) - before_ns) / (double)(clock_now_ns() - begin_ns);
+}
+
+static double growth(const struct hall *hall, const struct rounds *rounds) {
+    struct load load = {CROWD_HZ, rounds->lasts_ns};
+    struct samples ratios = {0};
+    for (int i = 0; i < rounds->count; i++) {
+        struct load_result few = {0}, many = {0};
+        load.rate_hz = CROWD_HZ * (double)MANY_STATIONS / FEW_STATIONS;
+        double few_ns = server_round(hall, FEW_STATIONS, &load, &few);
+        load.rate_hz = CROWD_HZ;
+        samples_add(&ratios, server_round(hall, MANY_STATIONS, &load, &many) / few_ns);
+        load_result_fini(&few);
+        load_result_fini(&many);
+    }
+    double median = samples_quantile(&ratios, 0.5);
+    samples_fini(&ratios);
+    return median;
+}
+
+static enum result memory_of(int stations, const char *case_dir, double *out_bytes,
+                             struct error *err) {
+    struct hall hall;
+    enum result result =
+        hall_start(&(struct hall_setup){stations, case_dir, NULL, SERVER_CPU}, &hall, err);
+    if (result != RESULT_OK)
+        return result;
+    *out_bytes = hall_memory(&hall);
+    hall_end(&hall);
+    return RESULT_OK;
+}
+
+static void report_crowd(const struct hall *hall, double few_bytes, const struct rounds *rounds,
+                         struct report *report) {
+    report_mark(report, "session_bytes",
+                (hall_memory(hall) - few_bytes) / (MANY_STATIONS - FEW_STATIONS), "bytes", 2e6,
+                BETTER_LOW);
+    report_mark(report, "idle_core_per_1000",
+                idle_share(hall, 2 * rounds->lasts_ns) * 1000 / MANY_STATIONS, "1", 0.05,
+                BETTER_LOW);
+    report_mark(report, "cost_growth_50_over_5", growth(hall, rounds), "1", 1.1, BETTER_LOW);
+}
+
+static enum result usual_field(const char *case_dir, const struct rounds *rounds,
+                               struct report *report, struct error *err) {
+    struct hall hall;
+    double few_bytes;
+    enum result result = memory_of(FEW_STATIONS, case_dir, &few_bytes, err);
+    if (result == RESULT_OK)
+        result =
+            hall_start(&(struct hall_setup){MANY_STATIONS, case_dir, NULL, SERVER_CPU}, &hall, err);
+    if (result != RESULT_OK)
+        return result;
+    report_crowd(&hall, few_bytes, rounds, report);
+    result = rates(&hall, NULL, rounds, report, err);
+    if (result == RESULT_OK)
+        result = added(&hall, rounds, report, err);
+    hall_end(&hall);
+    return result;
+}
+
+enum result bench_server(const struct bench_options *options, struct report *report,
+                         struct error *err) {
+    struct rounds rounds = {options->quick ? 3 : 9, options->quick ? NS_PER_S / 2 : 2 * NS_PER_S};
+    char folder[FOLDER_MAX], case_dir[128];
+    log_set_level(LOG_WARNING);
+    folder_make(folder);
+    enum result result = make_case(folder, case_dir, sizeof case_dir, err);
+    if (result == RESULT_OK)
+        result = cheapest_field(case_dir, &rounds, report, err);
+    if (result == RESULT_OK)
+        result = usual_field(case_dir, &rounds, report, err);
+    folder_remove(folder);
+    return result;
+}

@@ -17,7 +17,7 @@ export const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
 
 export class Browser {
   #shared; // by all tests: {chromium, url, out, errors, violations, checked}
-  #contexts = new Set();
+  #contexts = new Map(); // whose signing in lasts longer than the test: true
   #pages = new Map(); // page: what it said and heard
 
   faults = []; // on the pages of this test: errors on their consoles, violations of axe-core's rules
@@ -67,13 +67,27 @@ export class Browser {
   async context(state, size = SIZES.wide) {
     const context = await this.#shared.chromium.newContext({ ignoreHTTPSErrors: true, viewport: size, storageState: state, reducedMotion: "reduce" });
     context.setDefaultTimeout(PATIENCE_MS);
-    this.#contexts.add(context);
+    this.#contexts.set(context, state !== undefined);
     return context;
+  }
+
+  /** Signs out whoever the test has signed in, and gives the names of the trainees among them. */
+  async signOut() {
+    const trainees = [];
+    const headers = { Origin: this.url };
+    for (const [context, lasts] of this.#contexts) {
+      const answer = lasts ? undefined : await context.request.get(`${this.url}/api/v1/me`).catch(() => undefined);
+      if (!answer?.ok()) continue;
+      const { account } = await answer.json();
+      if (account.trainee) trainees.push(account.trainee);
+      await context.request.post(`${this.url}/api/v1/sign-out`, { headers }).catch(() => {});
+    }
+    return trainees;
   }
 
   /** What a test has left open. */
   async closeAll() {
-    for (const context of this.#contexts) await context.close();
+    for (const context of this.#contexts.keys()) await context.close();
     this.#contexts.clear();
     this.#pages.clear();
   }

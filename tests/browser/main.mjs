@@ -52,6 +52,11 @@ if (!chosen.flat(2).some(({ name }) => name.includes(options.only))) {
   process.exit(2);
 }
 
+// A trainee who stays at a station would be why the next tests fail there.
+async function leaveStations(browser, testbed) {
+  for (const trainee of await browser.signOut()) await testbed.giveBack(trainee);
+}
+
 async function attempt({ name, run }, world) {
   const begun = performance.now();
   const browser = world.browser.apart();
@@ -63,6 +68,7 @@ async function attempt({ name, run }, world) {
     fault = error;
     world.testbed.keepLogs(browser.picturePath("failed").replace(/png$/, "log"));
     await browser.keepAll();
+    await leaveStations(browser, world.testbed).catch((left) => say(`${name}: its trainees stay where they are: ${left.message}`));
   }
   await browser.closeAll();
   const seconds = Number(((performance.now() - begun) / 1000).toFixed(1));

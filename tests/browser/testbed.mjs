@@ -309,6 +309,16 @@ tool.scope = scope
     delete this.mockups[name];
   }
 
+  /** Stations that a trainee took are free again, and those of the config are whose they were. */
+  async giveBack(trainee) {
+    for (const { station, state, trainee: who, next_trainee: next } of (await this.session("list")).sessions) {
+      const own = STATIONS[station]?.trainee ?? "";
+      if (trainee === own) continue;
+      if (who === trainee && state !== "closed") await this.session("stop", station);
+      if (who === trainee || next === trainee) await this.session("assign", station, own);
+    }
+  }
+
   /** What a scope on the station's PC is told in its address. */
   viewOf(name) {
     return { port: this.views[name], token: readFileSync(this.path(`keys-${name}`, "view.token"), "utf8").trim() };

@@ -360,7 +360,7 @@ void post_intervention(struct api_call *call) {
     if (!value_in_path(call, call->args[0], &id) || !value_take_body(call, fields) ||
         !value_text(call, call->body, "reason", sizeof reason, reason))
         return;
-    if (strlen(reason) < 3)
+    if (strlen(reason) < EXAM_REASON_MIN)
         call_refuse(call, 400, "wrong_field", "reason", "The reason has at least 3 bytes.");
     else if (call_check(call, store_add_intervention(call->store, id, reason, &err), &err))
         answer_exam(call, 200, id);

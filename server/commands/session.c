@@ -21,12 +21,12 @@
 static const char help[] =
     "Usage: arthron-server session --socket PATH list [--json]\n"
     "       arthron-server session --socket PATH show STATION [--json]\n"
-    "       arthron-server session --socket PATH start|pause|stop|reset|undo STATION [--json]\n"
+    "       arthron-server session --socket PATH start|undo STATION [--json]\n"
+    "       arthron-server session --socket PATH pause|stop|reset|leave STATION [--reason TEXT]\n"
     "       arthron-server session --socket PATH case STATION CASE [--strength S] [--json]\n"
     "       arthron-server session --socket PATH note STATION TEXT [--json]\n"
     "       arthron-server session --socket PATH assign STATION TRAINEE [--json]\n"
     "       arthron-server session --socket PATH begin STATION TASK [--exam] [--left] [--json]\n"
-    "       arthron-server session --socket PATH leave STATION [--json]\n"
     "       arthron-server session --socket PATH copy STATION --from TRACE|ID [--at S] [--json]\n"
     "\n"
     "Commands a running server through its local socket. Run it as the server's user.\n"
@@ -53,6 +53,8 @@ static const char help[] =
     "      --strength S   the strength of the new session's warp, 0 to 1 (default: the config's)\n"
     "      --exam         the attempt is of an exam\n"
     "      --left         the left hand holds the scope\n"
+    "      --reason TEXT  why you pause, stop, reset, leave, copy or change the case while an exam\n"
+    "                     runs. It flags the exam\n"
     "      --json         print JSON\n"
     "      --help         show this\n";
 
@@ -415,6 +417,9 @@ static int take_value(int option, arthron_Command *out) {
         return argument_wrong(program, "--at %s: must be seconds above 0", optarg);
     if (option == 'W' && !take_strength(optarg, out))
         return argument_wrong(program, "--strength %s: must be a number from 0 to 1", optarg);
+    if (option == 'r' && !put_text(out->reason, sizeof out->reason, optarg))
+        return argument_wrong(program, "--reason: must be shorter than %zu bytes",
+                              sizeof out->reason);
     return 0;
 }
 
@@ -444,6 +449,7 @@ int command_session(int argc, char **argv) {
         {"strength", required_argument, NULL, 'W'},
         {"exam", no_argument, NULL, 'e'},
         {"left", no_argument, NULL, 'l'},
+        {"reason", required_argument, NULL, 'r'},
         {"json", no_argument, NULL, 'j'},
         {"help", no_argument, NULL, 'h'},
         {0},

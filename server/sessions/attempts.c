@@ -62,10 +62,14 @@ static bool is_running(struct sessions *s, int station, struct live_attempt *out
     return out->state.number && out->state.end == arthron_AttemptState_End_RUNS;
 }
 
+static bool is_exam_running(struct sessions *s, int station, struct live_attempt *out) {
+    return is_running(s, station, out) &&
+           out->state.purpose == arthron_AttemptState_Purpose_EXAM;
+}
+
 bool attempts_exam_runs(struct sessions *s, int station) {
     struct live_attempt shown;
-    return is_running(s, station, &shown) &&
-           shown.state.purpose == arthron_AttemptState_Purpose_EXAM;
+    return is_exam_running(s, station, &shown);
 }
 
 static bool take_site(struct sessions *s, const struct station_status *status, int station,
@@ -96,14 +100,14 @@ static enum result read_mark(struct store *store, const struct task *task,
 
 static enum result find_place(const struct sessions *s, const struct station_status *status,
                               struct store *store, const char *task, enum attempt_hand hand,
-                              struct error *err) {
+                              int64_t *out_exam, struct error *err) {
     int scene = status->about.scene;
     struct exam_place place = {.trainee = status->about.trainee,
                                .task = task,
                                .knee_case = s->config.cases[scene].name,
                                .case_hash = scene_case(s->scenes[scene])->hash,
                                .hand = attempt_hand_name(hand)};
-    return store_find_exam_place(store, &place, err);
+    return store_find_exam_place(store, &place, out_exam, err);
 }
 
 // The mark in force; where the records have none, the task file's. Practice goes on where they
@@ -113,6 +117,7 @@ static bool look_up(const struct sessions *s, int station, const struct station_
                     arthron_CommandReply *reply) {
     struct store *store = NULL;
     struct error err;
+    int64_t exam;
     bool is_exam = begun->purpose == ATTEMPT_EXAM;
     if (!s->recorder)
         return !is_exam || reply_refuse(reply, "station %s: this server has no records for an exam",
@@ -121,7 +126,7 @@ static bool look_up(const struct sessions *s, int station, const struct station_
     if (result == RESULT_OK)
         result = read_mark(store, task, begun, &err);
     if (result == RESULT_OK && is_exam)
-        result = find_place(s, status, store, task->name, begun->hand, &err);
+        result = find_place(s, status, store, task->name, begun->hand, &exam, &err);
     store_close(&store);
     if (result == RESULT_OK)
         return true;
@@ -213,6 +218,40 @@ bool attempts_leave_command(struct sessions *s, int station, const arthron_Comma
                 : reply_refuse(reply,
                                "station %s: the attempt has ended, or its trace has no room now",
                                station_name(s, station));
+}
+
+// ---- intervene ----------------------------------------------------------------------------------
+
+// An exam that was taken away meanwhile has nothing to be flagged.
+static enum result flag_exam(struct sessions *s, int station,
+                             const arthron_AttemptState *attempt, const char *reason,
+                             struct error *err) {
+    struct station_status status;
+    struct store *store = NULL;
+    int64_t exam;
+    station_slot_status(&s->slots[station], &status);
+    enum result result = store_open(s->config.records, STORE_THERE, "server", &store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_place(s, &status, store, attempt->task, (enum attempt_hand)attempt->hand, &exam,
+                        err);
+    if (result == RESULT_OK)
+        result = store_add_intervention(store, exam, reason, err);
+    store_close(&store);
+    return result == RESULT_MISSING ? RESULT_OK : result;
+}
+
+bool attempts_intervene(struct sessions *s, int station, const char *reason,
+                        arthron_CommandReply *reply) {
+    struct live_attempt shown;
+    struct error err;
+    if (!is_exam_running(s, station, &shown))
+        return true;
+    if (strlen(reason) < EXAM_REASON_MIN)
+        return reply_refuse_as(reply, arthron_Why_Code_EXAM_REASON, NULL,
+                               "station %s: an exam runs: give a reason", station_name(s, station));
+    return flag_exam(s, station, &shown.state, reason, &err) == RESULT_OK ||
+           reply_refuse(reply, "station %s: %s", station_name(s, station), err.text);
 }
 
 // ---- from its trace -----------------------------------------------------------------------------

@@ -16,6 +16,10 @@ void attempts_leave_own(struct sessions *sessions, int station);
 // Whether one of an exam runs at the station.
 bool attempts_exam_runs(struct sessions *sessions, int station);
 
+// Before a command that changes one: keeps the reason in the records. False: the reply says why not.
+bool attempts_intervene(struct sessions *sessions, int station, const char *reason,
+                        arthron_CommandReply *reply);
+
 // The attempt of a trace that is run again, before its first step. scene: index of the case. at_ns:
 // the session's clock. RESULT_REFUSED: its task cannot be done here any more.
 enum result attempts_restore(const struct sessions *sessions, int scene,

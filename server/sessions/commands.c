@@ -228,6 +228,21 @@ static bool refuse_help(struct sessions *s, int station, const arthron_Command *
     return true;
 }
 
+// Who trains does not intervene.
+static bool intervenes(const arthron_Command *command) {
+    switch (command->kind) {
+    case arthron_Command_Kind_PAUSE:
+    case arthron_Command_Kind_STOP:
+    case arthron_Command_Kind_CASE:
+    case arthron_Command_Kind_RESET:
+    case arthron_Command_Kind_COPY:
+    case arthron_Command_Kind_LEAVE:
+        return !command->trainee[0];
+    default:
+        return false;
+    }
+}
+
 static void command_session(struct sessions *s, const char *actor, const arthron_Command *command,
                             int station, arthron_CommandReply *reply) {
     // A trainee waits for no other's session, and meanwhile it may have become another's.
@@ -324,6 +339,8 @@ void commands_run(struct sessions *s, const char *actor, const arthron_Command *
                         "the server is starting or ending: try again");
         return;
     }
+    if (intervenes(command) && !attempts_intervene(s, station, command->reason, reply))
+        return;
     if (command->kind == arthron_Command_Kind_COPY)
         copy_session(s, station, command, reply);
     else

@@ -275,17 +275,17 @@ enum result store_blind_pairs(struct store *store, store_row_handler take, void 
 }
 
 enum result store_find_exam_place(struct store *store, const struct exam_place *place,
-                                  struct error *err) {
-    int64_t found;
+                                  int64_t *out_exam, struct error *err) {
     char hash[17];
     snprintf(hash, sizeof hash, "%016" PRIx64, place->case_hash);
     enum result result = store_find(
         store,
-        "SELECT 1 FROM exam_task x JOIN exam e ON e.id = x.exam_id "
+        "SELECT e.id FROM exam_task x JOIN exam e ON e.id = x.exam_id "
         "JOIN trainee t ON t.id = e.trainee_id WHERE t.name = ? AND e.state = 'begun' AND "
         "x.attempt_id IS NULL AND x.task = ? AND x.knee_case = ? AND "
-        "ifnull(x.case_hash, ?4) = ?4 AND ifnull(x.hand, ?5) = ?5",
-        &found, err, "ttttt", place->trainee, place->task, place->knee_case, hash, place->hand);
+        "ifnull(x.case_hash, ?4) = ?4 AND ifnull(x.hand, ?5) = ?5 "
+        "ORDER BY x.exam_id, x.position LIMIT 1",
+        out_exam, err, "ttttt", place->trainee, place->task, place->knee_case, hash, place->hand);
     return result == RESULT_MISSING
                ? fail(err, result,
                       "no exam that '%.40s' has begun asks for task '%.31s' on case '%.40s' with "

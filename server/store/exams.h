@@ -11,6 +11,7 @@
 #define EXAM_RATERS_MAX 2
 #define EXAM_DRIFT_MAX_MM 2.0
 #define EXAM_INTERVENTIONS_MAX 64
+#define EXAM_REASON_MIN 3
 #define EXAM_RESULT_MAX 32768
 
 struct exam_task {
@@ -43,7 +44,7 @@ struct exam_checklist {
 enum result store_begin_exam(struct store *store, int64_t id, const struct exam_checklist *checked,
                              struct error *err);
 
-// Flags the exam. Only while it goes on.
+// Flags the exam. Only while it goes on. The reason has at least EXAM_REASON_MIN bytes.
 enum result store_add_intervention(struct store *store, int64_t id, const char *reason,
                                    struct error *err);
 
@@ -90,15 +91,15 @@ enum result store_is_blind_to_exam(struct store *store, const char *account, int
 enum result store_blind_pairs(struct store *store, store_row_handler take, void *user,
                               struct error *err);
 
-// The place that an attempt would take now. RESULT_MISSING: the trainee has none, and the error
-// says so.
+// The exam in which an attempt would take a place now. RESULT_MISSING: the trainee has none, and
+// the error says so.
 struct exam_place {
     const char *trainee, *task, *knee_case;
     uint64_t case_hash;
     const char *hand; // "right", "left"
 };
 enum result store_find_exam_place(struct store *store, const struct exam_place *place,
-                                  struct error *err);
+                                  int64_t *out_exam, struct error *err);
 
 // Whether the session has an attempt of an exam that was not released, or of none: then its trainee
 // must not see what came of it.

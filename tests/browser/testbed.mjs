@@ -314,7 +314,7 @@ tool.scope = scope
     for (const { station, state, trainee: who, next_trainee: next } of (await this.session("list")).sessions) {
       const own = STATIONS[station]?.trainee ?? "";
       if (trainee === own) continue;
-      if (who === trainee && state !== "closed") await this.session("stop", station);
+      if (who === trainee && state !== "closed") await this.session("stop", station, "--reason", "A test failed.");
       if (who === trainee || next === trainee) await this.session("assign", station, own);
     }
   }

@@ -146,6 +146,7 @@ async function an_exam_is_sealed(world) {
     await page.locator(".badge", { hasText: "Exam" }).waitFor();
     for (const name of ["Undo cut", "Marker", "Note …"]) assert.equal(await page.getByRole("button", { name }).count(), 0, name);
     await assert.rejects(testbed.session("undo", EXAM_STATION), /an exam runs/);
+    await assert.rejects(testbed.session("stop", EXAM_STATION), /an exam runs: give a reason/);
     await press(page, "Pause");
     const dialog = page.getByRole("dialog");
     await press(dialog, "Pause");

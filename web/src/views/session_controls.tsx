@@ -3,13 +3,11 @@
 import { signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { Command_Kind, SessionState, type Remark } from "wire";
-import { part } from "../api";
 import type { App } from "../app";
 import { explain, whyOf } from "../explain";
 import { Button, confirm, Drop, Field, openForm, Select, type ButtonProps } from "../kit";
 import { NoAnswer, type CommandInit } from "../live";
 import type { Marker } from "../scene/joint";
-import type { Exam } from "../teach/model";
 import { format, text } from "../text";
 
 interface CaseRow {
@@ -80,7 +78,7 @@ export class SessionControls {
     this.must(what, command).catch(() => {}); // the line shows it already
   }
 
-  /** What changes an exam needs a reason, which is written into its record first. */
+  /** What changes an exam needs a reason, which the server writes into the exam's record. */
   act(what: string, command: CommandInit, otherwise = (): void => this.do(what, command)): void {
     if (!this.exam.peek()) {
       otherwise();
@@ -88,17 +86,7 @@ export class SessionControls {
     }
     const words = text.teach.exam;
     openForm(words.interveneFirst(what), what, <Field label={words.reason} hint={words.reasonHint}><textarea name="reason" maxLength={240} rows={2} /></Field>,
-      async ({ reason = "" }) => {
-        await this.recordIntervention(reason.trim());
-        await this.must(what, command);
-      }, ({ reason = "" }) => ({ reason: reason.trim().length < 3 ? words.reasonNeeded : "" }));
-  }
-
-  private async recordIntervention(reason: string): Promise<void> {
-    const { exams } = await this.app.api.get<{ exams: Exam[] }>("/exams", { trainee: this.now.trainee() });
-    const begun = exams.find(({ state }) => state === "begun");
-    if (!begun) throw new Error(text.teach.exam.notBegun);
-    await this.app.api.post(`/exams/${part(begun.id)}/interventions`, { reason });
+      ({ reason = "" }) => this.must(what, { ...command, reason: reason.trim() }), ({ reason = "" }) => ({ reason: reason.trim().length < 3 ? words.reasonNeeded : "" }));
   }
 
   /** Rejects with what a person should read. */

@@ -77,6 +77,15 @@ static bool needs_tool(const struct goal *goal) {
     return goal->touch[0] || goal->place_count;
 }
 
+// The scope looks first: a tool that waits inside is out of its picture.
+static void bring_in(const struct planner *p, struct motion_script *script, enum channel tool) {
+    const struct motion_step *step = script->steps, *end = step + script->step_count;
+    while (step < end && (step->verb != MOTION_APPROACH || step->tool != tool))
+        step++;
+    if (step == end)
+        add_named(script, MOTION_APPROACH, tool, p->portals[1]);
+}
+
 static void pursue(const struct planner *p, struct motion_script *script, int index,
                    const struct stance *stance) {
     const struct goal *goal = &p->task->goals[index];
@@ -88,8 +97,10 @@ static void pursue(const struct planner *p, struct motion_script *script, int in
         turn_to(p, script, index);
     else
         look(p, script, goal, g, stance->distance);
-    if (needs_tool(goal))
+    if (needs_tool(goal)) {
+        bring_in(p, script, channel_of(g));
         touch(p, script, goal, g);
+    }
     if (goal->take_out[0])
         take_out(script, p->knee, g->loose, p->portals[1], stance->distance);
     add_amount(script, MOTION_WAIT, goal->hold_s + SETTLE_S);
@@ -183,14 +194,8 @@ static bool take_up(struct planner *p) {
     return plan_add_row(&p->plan, NULL) == RESULT_OK;
 }
 
-// The tool of touches goes in at once; a punch and a grasper go in and out as they are needed.
 static bool enter(struct planner *p) {
     add_named(p->script, MOTION_APPROACH, CHANNEL_SCOPE, p->portals[0]);
-    for (int i = 0; i < p->task->goal_count; i++)
-        if (needs_tool(&p->task->goals[i])) {
-            add_named(p->script, MOTION_APPROACH, tool_of(p, i), p->portals[1]);
-            break;
-        }
     return plan_from(p, 0);
 }
 

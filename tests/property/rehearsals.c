@@ -52,6 +52,17 @@ static void tell(const struct task *task, const char *hands, const struct rehear
            attempt_time_s(&rehearsal->attempt), rehearsal->attempt.errors);
 }
 
+// A tool that waits inside is out of the picture until the scope looks, which may be an error.
+static void assert_looks_first(const struct motion_script *script) {
+    bool looks = false;
+    for (int i = 0; i < script->step_count; i++) {
+        const struct motion_step *step = &script->steps[i];
+        looks |= step->verb == MOTION_LOOK || step->verb == MOTION_STAND;
+        if (step->verb == MOTION_APPROACH && step->tool != CHANNEL_SCOPE)
+            assert_true(looks);
+    }
+}
+
 static void check_task(size_t row) {
     char path[512];
     struct task task;
@@ -63,6 +74,7 @@ static void check_task(size_t row) {
     tell(&task, "expert", &expert);
     if (attempt_verdict(&expert.attempt, &task) != VERDICT_PASSED)
         fail_msg("%s on %s: %s", task.name, rows[row].recipe, err.text);
+    assert_looks_first(expert.script);
     assert_ok(rehearse_novice(&task, knee, scene, &expert, 1 + (int64_t)row % 3, &novice, &err));
     tell(&task, "novice", &novice);
     assert_int_equal(attempt_verdict(&novice.attempt, &task), VERDICT_NOT_YET);

@@ -27,14 +27,14 @@ static enum result middle_of(const struct plan *plan, const struct case_loose *l
 
 enum result take(struct plan *plan, struct hand *hand, const struct motion_step *step) {
     int index = case_loose_index(plan->knee, step->name);
-    vec3 middle = {0};
+    vec3 at = step->from.at;
     if (index < 0)
         return fail(plan->err, RESULT_MISSING, "the case has no loose body %s", step->name);
     const struct case_loose *loose = &plan->knee->loose[index];
-    enum result result = middle_of(plan, loose, &middle);
+    enum result result = step->is_free ? RESULT_OK : middle_of(plan, loose, &at);
     if (result != RESULT_OK)
         return result;
-    vec3 target = pose_apply(plan_body_pose(plan, loose->body), middle);
+    vec3 target = pose_apply(plan_body_pose(plan, loose->body), at);
     if (!plan_is_clear(plan, hand, target))
         return fail_in(plan->err, plan_refuse(plan, hand, target),
                        "%s cannot be reached: ", loose->name);

@@ -5,9 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+static const int servo_rounds = 4;
+
 struct forecast {
     const struct scene *scene;
-    int tissue, group;
+    int group, tissue; // -1: it cannot be cut
     struct session_settings settings;
     struct scene_stance stance;
     struct warp_surface surfaces[WARP_SURFACES_MAX];
@@ -16,11 +18,18 @@ struct forecast {
     struct surface_integral *integral;
 };
 
-struct forecast *forecast_create(const struct scene *scene, int tissue) {
+static int tissue_of(const struct scene *scene, int group) {
+    int tissue = scene_tissue_count(scene) - 1;
+    while (tissue >= 0 && scene_tissue_group(scene, tissue) != group)
+        tissue--;
+    return tissue;
+}
+
+struct forecast *forecast_create(const struct scene *scene, int group) {
     struct forecast *f = alloc(1, sizeof *f);
     f->scene = scene;
-    f->tissue = tissue;
-    f->group = scene_tissue_group(scene, tissue);
+    f->group = group;
+    f->tissue = tissue_of(scene, group);
     f->settings = session_settings_default();
     scene_stand(scene, f->settings.adaptive, &(struct joint_angles){0}, &f->stance);
     const struct mesh *mesh = f->stance.warp.surfaces[f->group].mesh;
@@ -61,7 +70,7 @@ void forecast_take(struct forecast *f, const struct operation *operation,
     scene_stand(f->scene, f->settings.adaptive, joint, &f->stance);
     memcpy(f->surfaces, f->stance.warp.surfaces,
            (size_t)f->stance.warp.surface_count * sizeof *f->surfaces);
-    if (operation_touch_width(operation, f->tissue))
+    if (f->tissue >= 0 && operation_touch_width(operation, f->tissue))
         take_touch(f, operation);
     f->stance.warp.surfaces = f->surfaces;
 }
@@ -79,4 +88,16 @@ pose forecast_tool(const struct forecast *f, enum channel tool, vec3 portal, pos
     avatar_memory_init(&memory);
     avatar_warp(&f->stance.warp, &f->settings.field, &body, portal, T_mockup_tip, &memory, &avatar);
     return pose_compose(pose_inverse(forecast_body(f)), avatar.T_world_warped);
+}
+
+vec3 forecast_aim(const struct forecast *f, const struct plan *plan, const struct hand *hand,
+                  double roll, vec3 image) {
+    vec3 tip = image;
+    for (int i = 0; i < servo_rounds; i++) {
+        pose T = plan_tool_pose(plan, hand, tip, roll);
+        pose T_mesh_tip = forecast_tool(f, hand->channel, hand->portal.position, T);
+        vec3 seen = pose_apply(forecast_body(f), T_mesh_tip.translation);
+        tip = vec3_add(tip, vec3_sub(image, seen));
+    }
+    return tip;
 }

@@ -14,6 +14,7 @@ struct play {
     struct operation *operation;
     const struct site *site;
     struct attempt attempt;
+    struct session_output output; // of the last step
     struct play_watch watch;
     double row_ns;
     size_t played; // rows
@@ -22,15 +23,15 @@ struct play {
 };
 
 static void step(struct play *play, const struct session_input *input) {
-    struct session_output output;
-    session_step(play->session, input, &output);
-    attempt_step(&play->attempt, play->site, &output);
+    struct session_output *output = &play->output;
+    session_step(play->session, input, output);
+    attempt_step(&play->attempt, play->site, output);
     if (play->watch.step)
-        play->watch.step(play->watch.user, input, &output);
-    if (!output.job.id)
+        play->watch.step(play->watch.user, input, output);
+    if (!output->job.id)
         return;
-    play->landing = operation_run(play->operation, &output.job);
-    play->lands_ns = output.time_ns + JOB_NS;
+    play->landing = operation_run(play->operation, &output->job);
+    play->lands_ns = output->time_ns + JOB_NS;
 }
 
 static void land(struct play *play, int64_t time_ns) {
@@ -104,6 +105,14 @@ void play_on(struct play *play, const struct motion *motion) {
 
 const struct attempt *play_attempt(const struct play *play) {
     return &play->attempt;
+}
+
+size_t play_rows(const struct play *play) {
+    return play->played;
+}
+
+vec3 play_loose(const struct play *play, int index) {
+    return play->output.loose[index].T_mockup_loose.translation;
 }
 
 const struct operation *play_operation(const struct play *play) {

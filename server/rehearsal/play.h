@@ -28,6 +28,8 @@ void play_destroy(struct play **play); // NULL inside is fine
 void play_on(struct play *play, const struct motion *motion);
 
 const struct attempt *play_attempt(const struct play *play);
+size_t play_rows(const struct play *play);           // that were played
+vec3 play_loose(const struct play *play, int index); // its middle as it is shown, mock-up's frame
 const struct operation *play_operation(const struct play *play);
 
 // All of it. The attempt is left in the end.

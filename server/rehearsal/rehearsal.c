@@ -86,26 +86,6 @@ static void bring_in(const struct planner *p, struct motion_script *script, enum
         add_named(script, MOTION_APPROACH, tool, p->portals[1]);
 }
 
-static void pursue(const struct planner *p, struct motion_script *script, int index,
-                   const struct stance *stance) {
-    const struct goal *goal = &p->task->goals[index];
-    const struct site_goal *g = site_goal(p->site, index);
-    bool turns = !isnan(goal->stay_mm);
-    if (!turns)
-        hold_joint(script, goal, stance);
-    if (turns || is_turned_from(p, index))
-        turn_to(p, script, index);
-    else
-        look(p, script, goal, g, stance->distance);
-    if (needs_tool(goal)) {
-        bring_in(p, script, channel_of(g));
-        touch(p, script, goal, g);
-    }
-    if (goal->take_out[0])
-        take_out(script, p->knee, g->loose, p->portals[1], stance->distance);
-    add_amount(script, MOTION_WAIT, goal->hold_s + SETTLE_S);
-}
-
 // ---- trying -------------------------------------------------------------------------------------
 
 bool plan_from(struct planner *p, int first) {
@@ -136,20 +116,47 @@ static int last_of_chain(const struct planner *p, int goal) {
     return goal;
 }
 
+// Plans the goal's steps; false where one is refused.
+static bool pursue(struct planner *p, int index, const struct stance *stance) {
+    struct motion_script *script = p->script;
+    const struct goal *goal = &p->task->goals[index];
+    const struct site_goal *g = site_goal(p->site, index);
+    int first = script->step_count;
+    bool turns = !isnan(goal->stay_mm);
+    if (!turns)
+        hold_joint(script, goal, stance);
+    if (turns || is_turned_from(p, index))
+        turn_to(p, script, index);
+    else
+        look(p, script, goal, g, stance->distance);
+    if (needs_tool(goal)) {
+        bring_in(p, script, channel_of(g));
+        touch(p, script, goal, g);
+    }
+    if (!plan_from(p, first) || (goal->take_out[0] && !take_out(p, g->loose, stance->distance)))
+        return false;
+    first = script->step_count;
+    add_amount(script, MOTION_WAIT, goal->hold_s + SETTLE_S);
+    return plan_from(p, first);
+}
+
 // Where the stance does not meet the goal, all is as before.
 static bool try_stance(struct planner *p, int goal, const struct stance *stance) {
     int last = last_of_chain(p, goal), first_step = p->script->step_count;
     struct plan_mark before = plan_mark(&p->plan);
-    for (int i = goal; i <= last; i++)
-        pursue(p, p->script, i, stance);
-    if (!plan_from(p, first_step))
-        return false;
-    play_on(p->play, &p->out->motion);
-    if (play_attempt(p->play)->goals[last].met)
+    bool is_planned = true;
+    for (int i = goal; i <= last && is_planned; i++)
+        is_planned = pursue(p, i, stance);
+    if (is_planned)
+        play_on(p->play, &p->out->motion);
+    if (is_planned && play_attempt(p->play)->goals[last].met)
         return true;
     p->script->step_count = first_step;
     plan_back(&p->plan, &before);
-    play_anew(p);
+    if (play_rows(p->play) > p->out->motion.row_count)
+        play_anew(p);
+    if (!is_planned)
+        return false;
     fail(p->err, RESULT_INVALID, "the hands get there, but its conditions do not hold together");
     return false;
 }

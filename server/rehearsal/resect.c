@@ -29,7 +29,6 @@ static const double rolls_deg[] = {0, 45, -45, 90, -90, 135, -135, 180};
 #define REACHED 6              // of them that the hand compares
 #define ROLL_MM3_PER_DEG 0.005 // what a turn of the jaws has to bring
 #define LEAST_BROUGHT_MM3 0.2  // by a bite; with less the hand goes elsewhere
-static const int servo_rounds = 4;
 
 struct bite {
     vec3 tip; // in the mock-up's frame
@@ -100,14 +99,10 @@ static void find_bites(struct surgeon *s) {
     qsort(s->bites, (size_t)s->bite_count, sizeof *s->bites, by_score);
 }
 
-// The hand goes on until the image of the tip is where it is wanted.
 static void aim(const struct surgeon *s, struct bite *bite) {
-    vec3 wanted = bite->tip;
-    for (int i = 0; i < servo_rounds; i++) {
-        pose T_mesh_tip = seen_at(s, bite->tip, bite->roll_deg);
-        vec3 image = pose_apply(forecast_body(s->forecast), T_mesh_tip.translation);
-        bite->tip = vec3_add(bite->tip, vec3_sub(wanted, image));
-    }
+    const struct hand *hand = plan_hand(&s->p->plan, CHANNEL_PUNCH);
+    bite->tip =
+        forecast_aim(s->forecast, &s->p->plan, hand, RAD_PER_DEG * bite->roll_deg, bite->tip);
     bite->score = score_of(s, seen_at(s, bite->tip, bite->roll_deg), bite->roll_deg);
 }
 
@@ -241,9 +236,10 @@ bool meet_resection(struct planner *p, int index) {
     s->goal = &p->task->goals[index];
     s->index = index;
     s->tissue = site_goal(p->site, index)->tissue;
-    s->group = &scene_case(p->scene)->groups[scene_tissue_group(p->scene, s->tissue)];
+    int group = scene_tissue_group(p->scene, s->tissue);
+    s->group = &scene_case(p->scene)->groups[group];
     s->jaw = &site_tools(p->site)->of[CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT];
-    s->forecast = forecast_create(p->scene, s->tissue);
+    s->forecast = forecast_create(p->scene, group);
     resect(s);
     const struct quality_report *report = report_of(s);
     bool met = is_met(s);

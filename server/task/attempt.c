@@ -80,16 +80,15 @@ static bool stays(const struct goal *goal, const struct attempt *a, const struct
            vec3_distance(looking->T_mockup_scope.translation, a->stood) <= goal->stay_mm;
 }
 
-// A scope that moved begins to hold anew.
-static void keep_still(const struct goal *goal, struct goal_state *state,
-                       const struct looking *looking) {
+// A scope that moved begins to hold anew, once it has not held for HELD_NS.
+static bool is_still(const struct goal *goal, struct goal_state *state, int64_t now_ns,
+                     const struct looking *looking) {
     vec3 tip = looking->T_mockup_scope.translation;
     if (isnan(goal->still_mm))
-        return;
-    if (state->hold.holds && vec3_distance(tip, state->from) > goal->still_mm)
-        state->hold.holds = false;
-    if (!state->hold.holds)
+        return true;
+    if (!state->hold.holds || now_ns - state->hold.last_ns > HELD_NS)
         state->from = tip;
+    return vec3_distance(tip, state->from) <= goal->still_mm;
 }
 
 static bool is_met(struct attempt *a, const struct site *site, const struct session_output *output,
@@ -106,8 +105,7 @@ static bool is_met(struct attempt *a, const struct site *site, const struct sess
         state->along = goal_goes_along(goal, site_goal(site, index), output, state->along);
         return state->along == site_goal(site, index)->line_count;
     }
-    if (holds)
-        keep_still(goal, state, looking);
+    holds = holds && is_still(goal, state, a->running_ns, looking);
     return hold(&state->hold, holds, a->running_ns, HELD_NS, ns_of(goal->hold_s));
 }
 
@@ -161,7 +159,7 @@ static void judge_errors(struct attempt *a, const struct site *site,
         for (int tool = 0; tool < (error_is_of_tool(site, e) ? site_tools(site)->count : 1);
              tool++) {
             struct error_state *state = &a->found[e][tool];
-            bool holds = error_holds(site, e, tool, output, looking, a);
+            bool holds = error_holds(site, e, tool, output, looking, a, state);
             bool is_long =
                 hold(&state->hold, holds, a->running_ns, state->counted ? ERROR_APART_NS : HELD_NS,
                      task->errors[e].dropped ? 0 : ns_of(task->errors[e].for_s));

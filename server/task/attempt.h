@@ -10,7 +10,8 @@
 #include "task/site.h"
 
 // A tracker's noise makes a condition come and go. So it counts as held until it has not held for
-// HELD_NS; an error that was counted, until it has not held for ERROR_APART_NS.
+// HELD_NS; an error that was counted, until it has missed its bounds by more than that noise for
+// ERROR_APART_NS.
 #define HELD_NS 150000000LL
 #define ERROR_APART_NS 500000000LL
 
@@ -35,6 +36,7 @@ struct error_state {
     struct holding hold;
     bool counted;
     int32_t count;
+    vec3 at; // the tip where one of the error's groups was nearest last
 };
 
 struct occurrence {

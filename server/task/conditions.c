@@ -6,6 +6,13 @@
 #define INSIDE_MM 15.0 // a tip this near to a surface is in the knee
 #define LEVEL_MIN 0.2  // looked at along its axis, the tibia stands upright in any picture
 
+// An error that was counted goes on until it misses its bound by more than noise does.
+#define SPARE_MM 0.3         // at most half of a bound
+#define SPARE_SPEED 0.2      // of the bound
+#define SPARE_SHARE 0.02     // of the plan
+#define SPARE_PICTURE_MM 0.5 // the tip is so far in the picture: its noise and the scope's
+#define SPARE_PLACE_MM 0.5   // from where it was nearest to one of its groups
+
 // ---- looking ------------------------------------------------------------------------------------
 
 struct looking looking_at(const struct site *site, const struct session_output *output) {
@@ -180,15 +187,33 @@ bool goal_took_out(const struct goal *goal, const struct site_goal *g,
 
 // ---- errors -------------------------------------------------------------------------------------
 
-static bool is_near(const struct site *site, int error, const struct instrument_output *o) {
-    return o->warp.nearest >= 0 && o->warp.nearest_mm <= site_task(site)->errors[error].near_mm &&
-           site_error_has_group(site, error, o->warp.nearest);
+static double spare_of(double bound, const struct error_state *state) {
+    return state->counted ? fmin(SPARE_MM, 0.5 * bound) : 0;
 }
 
-static bool is_deep(const struct site *site, int error, const struct instrument_output *o) {
-    double deep_mm = site_task(site)->errors[error].deep_mm;
-    return isnan(deep_mm) || (o->warp.nearest >= 0 && o->penetration_mm >= deep_mm &&
-                              site_error_has_group(site, error, o->warp.nearest));
+static bool is_of_group(const struct site *site, int error, const struct instrument_output *o,
+                        struct error_state *state) {
+    vec3 tip = o->T_mockup_tip.translation;
+    if (o->warp.nearest < 0)
+        return false;
+    if (!site_error_has_group(site, error, o->warp.nearest))
+        return state->counted && vec3_distance(tip, state->at) <= SPARE_PLACE_MM;
+    state->at = tip;
+    return true;
+}
+
+static bool is_near(double near_mm, const struct instrument_output *o,
+                    const struct error_state *state) {
+    return isnan(near_mm) || o->warp.nearest_mm <= near_mm + spare_of(near_mm, state);
+}
+
+static bool is_deep(double deep_mm, const struct instrument_output *o,
+                    const struct error_state *state) {
+    return isnan(deep_mm) || o->penetration_mm >= deep_mm - spare_of(deep_mm, state);
+}
+
+static bool is_fast(double speed_mm_s, double speed, const struct error_state *state) {
+    return isnan(speed_mm_s) || speed > speed_mm_s * (state->counted ? 1 - SPARE_SPEED : 1);
 }
 
 static bool turns(const struct site *site, int tool, const struct instrument_output *o) {
@@ -197,15 +222,21 @@ static bool turns(const struct site *site, int tool, const struct instrument_out
            o->handle_validity != VALIDITY_LOST && (o->handle.buttons >> instrument->button & 1);
 }
 
-static bool is_unseen(const struct instrument_output *o, const struct looking *looking) {
-    return looking->is_there && o->warp.nearest >= 0 && o->warp.nearest_mm <= INSIDE_MM &&
-           !is_in_picture(looking, o->T_mockup_warped.translation, 1);
+static bool is_unseen(const struct instrument_output *o, const struct looking *looking,
+                      const struct error_state *state) {
+    vec3 tip = o->T_mockup_warped.translation;
+    double away_mm = vec3_distance(tip, looking->T_mockup_scope.translation);
+    double spare_deg = state->counted ? DEG_PER_RAD * atan2(SPARE_PICTURE_MM, away_mm) : 0;
+    return looking->is_there && o->warp.nearest >= 0 && is_near(INSIDE_MM, o, state) &&
+           !is_in_picture(looking, tip, 1 - spare_deg / looking->half_field_deg);
 }
 
-static bool is_cut_beyond(const struct task_error *error, const struct attempt *attempt) {
+static bool is_cut_beyond(const struct task_error *error, const struct attempt *attempt,
+                          const struct error_state *state) {
+    double share = fmax(0, error->over_share - (state->counted ? SPARE_SHARE : 0));
     for (int i = 0; i < TISSUES_MAX; i++) {
         const struct quality_report *r = &attempt->resections[i];
-        if (r->over_mm3 > error->over_share * r->planned_mm3)
+        if (r->over_mm3 > share * r->planned_mm3)
             return true;
     }
     return false;
@@ -217,16 +248,18 @@ bool error_is_of_tool(const struct site *site, int error) {
 }
 
 bool error_holds(const struct site *site, int error, int tool, const struct session_output *output,
-                 const struct looking *looking, const struct attempt *attempt) {
+                 const struct looking *looking, const struct attempt *attempt,
+                 struct error_state *state) {
     const struct task_error *e = &site_task(site)->errors[error];
     const struct instrument_output *o = &output->instruments[tool];
     if (e->dropped)
         return output->events & EVENT_DROPPED;
     if (!error_is_of_tool(site, error))
-        return is_cut_beyond(e, attempt);
+        return is_cut_beyond(e, attempt, state);
     if (!o->present || !site_error_concerns(site, error, tool))
         return false;
-    return is_deep(site, error, o) && (isnan(e->near_mm) || is_near(site, error, o)) &&
-           (isnan(e->speed_mm_s) || attempt->speeds[tool] > e->speed_mm_s) &&
-           (!e->running || turns(site, tool, o)) && (!e->unseen || is_unseen(o, looking));
+    bool is_free = isnan(e->deep_mm) && isnan(e->near_mm); // of groups
+    return (is_free || is_of_group(site, error, o, state)) && is_deep(e->deep_mm, o, state) &&
+           is_near(e->near_mm, o, state) && is_fast(e->speed_mm_s, attempt->speeds[tool], state) &&
+           (!e->running || turns(site, tool, o)) && (!e->unseen || is_unseen(o, looking, state));
 }

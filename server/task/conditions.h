@@ -34,5 +34,7 @@ int32_t goal_goes_along(const struct goal *goal, const struct site_goal *g,
 
 // Whether it counts for each tool, or once for the knee as it is (over_share, dropped).
 bool error_is_of_tool(const struct site *site, int error);
+// Of one that was counted: whether it goes on.
 bool error_holds(const struct site *site, int error, int tool, const struct session_output *output,
-                 const struct looking *looking, const struct attempt *attempt);
+                 const struct looking *looking, const struct attempt *attempt,
+                 struct error_state *state);

@@ -1,4 +1,4 @@
-#include "settings/settings.h"
+#include "task/file_keys.h"
 #include "task/task.h"
 
 #include <errno.h>
@@ -107,6 +107,14 @@ static const struct setting_key error_keys[] = {
     {"dropped", SETTING_SWITCH, IN_ERROR(dropped)},
     {"over_share", SETTING_NUMBER, IN_ERROR(over_share), 0, 10},
     {0}};
+
+const struct setting_key *task_goal_keys(void) {
+    return goal_keys;
+}
+
+const struct setting_key *task_error_keys(void) {
+    return error_keys;
+}
 
 // ---- sections -----------------------------------------------------------------------------------
 

@@ -130,6 +130,7 @@ int make_case(void **state) {
     struct knee_case *knee;
     folder_make(dir);
     assert_ok(recipe_load(CASES "/healthy", &recipe, &err));
+    recipe.resolution_mm = 3; // soon made
     assert_ok(generate_knee(&recipe, &knee, &err));
     assert_ok(landmarks_find(knee, NULL, &err));
     for (int i = 0; i < 2; i++) {

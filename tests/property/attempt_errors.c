@@ -1,4 +1,4 @@
-// Errors of a task: each made once, and just not; and with the noise of a tracker.
+// Errors of a task: each made once, and just not. attempt_kinds.c has all under noise.
 #include "attempt_body.h"
 
 #include <string.h>
@@ -115,45 +115,6 @@ static void a_fast_tip_near_bone_is_an_error(void **state) {
     assert_int_equal(attempt.errors, 1);
 }
 
-// At its very bounds, for a minute: no error comes twice, and no goal is lost again.
-static void noise_makes_nothing_flicker(void **state) {
-    (void)state;
-    begin("[goal near]\ntouch = plateau_medial\nreach_mm = 3\nhold_s = 1\n" FAR_GOAL
-          "[error deep]\ntool = probe\ndeep_mm = 1\nfor_s = 0.2\n"
-          "[error unseen]\nunseen = yes\nfor_s = 1\n"
-          "[error fast]\nspeed_mm_s = 50\nnear_mm = 5\nfor_s = 0.1\n");
-    vec3 at = landmark("plateau_medial"), scope = vec3_add_scaled(at, 20, (vec3){0, 1, 0});
-    double half = 30 * RAD_PER_DEG; // the field's edge runs through the tip
-    vec3 aside = vec3_add(scope, (vec3){20 * tan(half), -20, 0});
-    for (int i = 0; i < 5500; i++) {
-        touch(PROBE, "tibia", trembling(vec3_add(at, (vec3){0, 0, 3})), 0.5, 0);
-        output.instruments[PROBE].penetration_mm = 1 + random_between(&noise, -0.17, 0.17);
-        place(SCOPE, looking(trembling(scope), trembling(aside)));
-        steps(1);
-    }
-    assert_int_equal(attempt.goals_met, 1);
-    for (int e = 0; e < task.error_count; e++)
-        assert_true(attempt.found[e][PROBE].count <= 1);
-}
-
-// Half a millimetre inside or outside of a bound, noise changes nothing.
-static void noise_beside_a_bound_is_nothing(void **state) {
-    (void)state;
-    for (int inside = 0; inside < 2; inside++) {
-        begin("[goal near]\ntouch = plateau_medial\nreach_mm = 3\nhold_s = 1\n"
-              "[error deep]\ntool = probe\ndeep_mm = 1\nfor_s = 0.2\n");
-        vec3 at = landmark("plateau_medial");
-        double away = inside ? 2.5 : 3.5, deep = inside ? 1.5 : 0.5;
-        for (int i = 0; i < 200; i++) {
-            touch(PROBE, "tibia", trembling(vec3_add(at, (vec3){away, 0, 0})), 0.5, 0);
-            output.instruments[PROBE].penetration_mm = deep + random_between(&noise, -0.17, 0.17);
-            steps(1);
-        }
-        assert_int_equal(attempt.goals_met, inside);
-        assert_int_equal(attempt.errors, inside);
-    }
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_error_counts_once_for_each_time),
@@ -162,8 +123,6 @@ int main(void) {
         cmocka_unit_test(a_shaver_that_runs_on_cartilage_is_an_error),
         cmocka_unit_test(a_tip_that_works_unseen_is_an_error),
         cmocka_unit_test(a_fast_tip_near_bone_is_an_error),
-        cmocka_unit_test(noise_makes_nothing_flicker),
-        cmocka_unit_test(noise_beside_a_bound_is_nothing),
     };
     return cmocka_run_group_tests_name("attempt_errors", tests, make_case, drop_case);
 }

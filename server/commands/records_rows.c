@@ -1,6 +1,7 @@
 #include "commands/records_rows.h"
 
 #include "base/clock.h"
+#include "base/csv.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -115,20 +116,6 @@ enum result rows_close(FILE *file, const char *path, struct error *err) {
     return RESULT_OK;
 }
 
-static void put_text(FILE *file, const char *text) {
-    if (!strpbrk(text, ",\"\r\n")) {
-        fputs(text, file);
-        return;
-    }
-    putc('"', file);
-    for (; *text; text++) {
-        if (*text == '"')
-            putc('"', file);
-        putc(*text, file);
-    }
-    putc('"', file);
-}
-
 static void put_names(void *file, const struct store_cell *cells, int count) {
     for (int i = 0; i < count; i++)
         fprintf(file, "%s%s", cells[i].column, i + 1 < count ? "," : "\r\n");
@@ -141,7 +128,7 @@ static void put_row(void *file, const struct store_cell *cells, int count) {
         else if (cells[i].kind == STORE_REAL)
             fprintf(file, "%.17g", cells[i].real);
         else if (cells[i].kind == STORE_TEXT)
-            put_text(file, cells[i].text);
+            csv_put_text(file, cells[i].text);
         fputs(i + 1 < count ? "," : "\r\n", file);
     }
 }

@@ -1,5 +1,6 @@
 // The markers of a session as a table (CSV.md).
 #include "base/clock.h"
+#include "base/csv.h"
 #include "export/export.h"
 #include "trace/player.h"
 
@@ -15,21 +16,13 @@ struct marker_table {
     bool failed;
 };
 
-// A device may be called what a table gives another meaning.
-static void write_text(FILE *file, const char *text) {
-    fputc('"', file);
-    for (; *text; text++)
-        fprintf(file, *text == '"' ? "\"\"" : "%c", *text);
-    fputc('"', file);
-}
-
 static bool on_marker(void *user, const struct marker *marker) {
     struct marker_table *t = user;
     double seconds = (double)(marker->time_ns - t->start_ns) / (double)NS_PER_S;
     if (seconds < t->request->from_s || seconds > t->request->to_s)
         return true;
     fprintf(t->file, "%.9f,%" PRId64 ",%s,", seconds, marker->time_ns, marker->name);
-    write_text(t->file, marker->device);
+    csv_put_text(t->file, marker->device);
     t->failed = fprintf(t->file, ",%.17g,%" PRIu64 "\n", marker->value, marker->number) < 0;
     return !t->failed;
 }

@@ -55,6 +55,10 @@ static void put_cell(struct writing *w, FILE *file, const struct study_column *c
         study_put_text(file, "", last);
         return;
     }
+    if (cell->kind == STORE_INTEGER && column->as == CELL_AS_IT_IS) {
+        study_put_number(file, (double)cell->integer, last);
+        return;
+    }
     if (cell->kind == STORE_REAL) {
         study_put_number(file, cell->real, last);
         return;
@@ -275,7 +279,8 @@ static void put_about(const struct writing *w, FILE *file) {
         fprintf(file, "Begun before %s.\r\n", when);
     }
     fputs("\r\ncodebook.csv describes each column. All files are UTF-8; a cell without a value is "
-          "empty.\r\nsession and number join the tables.\r\n\r\n",
+          "empty.\r\nA text that begins with =, +, - or @ has an apostrophe before it: a "
+          "spreadsheet would take it for a formula.\r\nsession and number join the tables.\r\n\r\n",
           file);
     for (int i = 0; i < TABLE_COUNT; i++)
         fprintf(file, "%s: %" PRId64 " rows, %s\r\n", study_tables[i].file, w->rows[i],

@@ -1,5 +1,7 @@
 #include "study/tables.h"
 
+#include "base/csv.h"
+
 #include <string.h>
 
 #define SESSION                                                                                    \
@@ -20,7 +22,8 @@ static const struct study_column attempts[] = {
     SESSION,
     NUMBER,
     TRAINEE,
-    {"station", NULL, CELL_AS_IT_IS, "text", "", "where", "never"},
+    {"station", NULL, CELL_AS_IT_IS, "text", "",
+     "where; as in all text, an apostrophe comes before =, +, - or @ at the start", "never"},
     {"task", NULL, CELL_AS_IT_IS, "text", "", "the task's name: that of its file", "never"},
     {"task_version", NULL, CELL_AS_IT_IS, "integer", "", "the version that the task's file names",
      "never"},
@@ -127,16 +130,7 @@ static void put_end(FILE *file, bool last) {
 }
 
 void study_put_text(FILE *file, const char *text, bool last) {
-    bool quoted = strpbrk(text, ",\"\r\n");
-    if (quoted)
-        putc('"', file);
-    for (; *text; text++) {
-        if (*text == '"')
-            putc('"', file);
-        putc(*text, file);
-    }
-    if (quoted)
-        putc('"', file);
+    csv_put_text(file, text);
     put_end(file, last);
 }
 

@@ -101,7 +101,7 @@ class Study(unittest.TestCase):
         self.assertEqual(1 / 3, float(last["time_s"]))
         self.assertEqual("2024-10-04T00:00:00.000Z", last["begun_utc"])
         self.assertEqual('Look, "then" touch', last["title"])
-        self.assertEqual('=2+3 room, "one"', last["station"])
+        self.assertEqual('\'=2+3 room, "one"', last["station"], "no formula")
         self.assertEqual(("", "1"), (last["exam"], tables["attempts.csv"][0]["exam"]))
         self.assertEqual({"goals.notch.met_s": "1.5", "goals.horn.met_s": "", "calm": "1", "view.lost_s": "2",
                           "resections.meniscus_medial.over_mm3": "4.25"},

@@ -14,8 +14,8 @@ import { routeTo } from "../router";
 import { FeedSource, resectionsAt } from "../source";
 import { format, text } from "../text";
 import { debriefAttempts, type DebriefAttempts } from "./debrief_attempts";
-import { Comparison } from "./debrief_compare";
-import { Transport } from "./debrief_transport";
+import { CompareBar, Comparison } from "./debrief_compare";
+import { Transport, TransportBar } from "./debrief_transport";
 
 export const RATE_HZ = 60;
 const VOLUME_MM3 = 0.1; // that a page's mesh may differ by from the record
@@ -136,7 +136,7 @@ class Replay {
     return [
       source.onChange((change) => {
         if (change === "session") this.metrics.setGroups(source.session?.groups); // they have their labels
-        if (change === "progress" && source.progress === 1) transport.say(checked(source));
+        if (change === "progress" && source.progress === 1) transport.outcome.value = checked(source);
         if (change !== "moment" || source.history.count === 1) show();
       }),
       this.app.feed.onLink(show),
@@ -158,8 +158,8 @@ function ReplayPage({ of }: { of: Replay }) {
     <div class={`replay-page ${covered && source.progress === 1 ? "nothing" : ""}`}>
       <Head of={of} />
       <div class="notices" role="status">{noticesOf(record.session, source).map((words) => <p key={words} class="notice"><Icon name="act" />{words}</p>)}</div>
-      {island(comparison.element)}
-      {island(transport.element)}
+      <CompareBar of={comparison} />
+      <TransportBar of={transport} />
       {island(attempts.element)}
       <div class="station-main">{island(dashboard.element)}{island(attempts.scope)}{covered && <div class="station-waiting"><Cover of={of} /></div>}</div>
     </div>

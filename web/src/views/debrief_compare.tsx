@@ -1,9 +1,11 @@
 // A second session compared with the replayed one: in a viewport of its own, or overlaid on the first one's.
+import { signal } from "@preact/signals";
 import { part } from "../api";
 import type { App } from "../app";
 import type { Dashboard } from "../dashboard";
 import type { Value } from "../distribution";
 import { explain } from "../explain";
+import { Await, Button, Empty, openDialog, toast, useLoaded } from "../kit";
 import type { Feed } from "../live";
 import { routeTo } from "../router";
 import { Overlay } from "../scene/overlay";
@@ -11,11 +13,11 @@ import { FeedSource, type Source } from "../source";
 import { Viewport } from "../viewport";
 import { format, text } from "../text";
 import { firstOf, STEPS, type Step } from "../playback";
-import { toast } from "../kit/dialog";
-import { button, dialog, empty, fill, h, loading, select, setText } from "../ui";
+import { h } from "../ui";
 import { anotherFeed, RATE_HZ, sessionTitle, valuesOf, type Record, type SessionRow } from "./debrief";
 
 export type Mode = "side" | "ghost";
+const MODES: readonly Mode[] = ["side", "ghost"];
 const LISTED = 200;
 
 interface Other {
@@ -29,26 +31,24 @@ interface Other {
 }
 
 export class Comparison {
-  readonly element = h("section", { class: "compare panel", hidden: true, "aria-label": text.debrief.comparedWith });
   /** Another one is there, or in step otherwise: `ahead` is its time less this one's; undefined: none. */
   onOther: (source: Source | undefined, ahead: number, values: readonly Value[]) => void = () => {};
 
+  readonly compared = signal<SessionRow | undefined>(undefined); // with this one
+  readonly mode = signal<Mode>("side");
+  readonly step = signal<Step>("start");
+  readonly offered = signal<readonly Step[]>([]); // that happened in both
+  readonly share = signal(""); // of the other that is here
+  readonly line = signal("");
   private other: Other | undefined;
-  private mode: Mode = "side";
-  private step: Step = "start";
   private time = 0;
-  private readonly line = h("p", { class: "compare-line", role: "status" });
-  private readonly share = h("span", { class: "compare-share number" });
-  private readonly steps: HTMLSelectElement;
+  private aheadShown = 0;
+  private wanted: Record | undefined;
   private readonly caption = h("p", { class: "viewport-caption" }, text.debrief.this);
   private turn = 0;
   private readonly end: () => void;
 
-  constructor(private readonly app: App, private readonly session: SessionRow, private readonly source: FeedSource, private readonly dashboard: Dashboard) {
-    this.steps = select(STEPS.map((step) => [step, text.debrief.steps[step]!]), "start", { "aria-label": text.debrief.align, on: { change: () => {
-      this.step = this.steps.value as Step;
-      this.inStep();
-    } } });
+  constructor(readonly app: App, readonly session: SessionRow, private readonly source: FeedSource, private readonly dashboard: Dashboard) {
     this.end = source.onChange((change) => {
       if (change === "session") this.meet();
       if (change === "moment" || change === "progress") this.offerSteps();
@@ -69,34 +69,22 @@ export class Comparison {
   // ---- which one ---------------------------------------------------------------------------------------
 
   choose(): void {
-    const words = text.debrief;
-    const list = h("div", { class: "compare-list" }, loading());
-    const shown = dialog(words.compareTitle, [h("p", { class: "quiet-text" }, words.compareHint), list]);
-    shown.element.classList.add("wide");
-    this.app.api.get<{ sessions: SessionRow[] }>("/sessions", { limit: LISTED }).then(({ sessions }) => {
-      const others = sessions.filter(({ id }) => id !== this.session.id);
-      others.sort((a, b) => Number(b.case === this.session.case) - Number(a.case === this.session.case));
-      fill(list, others.length ? h("ul", {}, ...others.map((one) => this.choice(one, () => shown.close()))) : empty(words.compareNone));
-      list.querySelector("button")?.focus();
-    }, (error: unknown) => fill(list, empty(text.listBroken, explain(error))));
+    openDialog({ title: text.debrief.compareTitle, wide: true, body: (close) => <Choice of={this} chosen={(id) => {
+      close();
+      void this.begin(id, this.mode.peek());
+    }} /> });
   }
 
-  private choice(one: SessionRow, close: () => void): HTMLElement {
-    const words = text.debrief;
-    const same = one.case === this.session.case;
-    return h("li", {}, h("button", { type: "button", class: "event compare-choice", on: { click: () => {
-      close();
-      void this.begin(one.id, this.mode);
-    } } }, h("time", {}, format.time(one.start_utc_s * 1000)), h("span", { class: "compare-who" }, one.trainee ?? words.nobody),
-      h("span", { class: "number quiet-text" }, one.end_utc_s === null ? format.none : format.clock(one.end_utc_s - one.start_utc_s)),
-      h("span", { class: same ? "badge good" : "badge" }, same ? words.sameCase : words.onOtherCase(one.case))));
+  leave(): void {
+    this.drop();
+    this.remember();
   }
 
   /** Puts another session beside this one. */
   async begin(id: string, mode: Mode): Promise<void> {
     const mine = ++this.turn;
     this.drop();
-    this.mode = mode;
+    this.mode.value = mode;
     let record: Record;
     try {
       record = await this.app.api.get<Record>(`/sessions/${part(id)}`);
@@ -109,7 +97,6 @@ export class Comparison {
     this.remember();
     this.meet();
   }
-  private wanted: Record | undefined;
 
   // Once this session's case is known: it is replayed on that.
   private meet(): void {
@@ -129,24 +116,24 @@ export class Comparison {
       source.close();
     };
     this.other = other;
-    this.showBar();
-    this.setMode(this.mode);
+    this.compared.value = session;
+    this.showAs(this.mode.peek());
   }
 
   private drop(): void {
     this.wanted = undefined;
     if (!this.other) return;
-    this.setMode(undefined);
+    this.showAs(undefined);
     this.other.end();
     this.other = undefined;
-    this.element.hidden = true;
+    this.compared.value = undefined;
     this.dashboard.setOther(undefined);
     this.onOther(undefined, 0, []);
   }
 
   private remember(): void {
     const { wanted } = this;
-    history.replaceState(null, "", routeTo("session", [this.session.id], { with: wanted?.session.id ?? "", as: wanted && this.mode === "ghost" ? "ghost" : "" }));
+    history.replaceState(null, "", routeTo("session", [this.session.id], { with: wanted?.session.id ?? "", as: wanted && this.mode.peek() === "ghost" ? "ghost" : "" }));
   }
 
   // ---- in step -------------------------------------------------------------------------------------------
@@ -154,8 +141,8 @@ export class Comparison {
   private get ahead(): number {
     const { other } = this;
     if (!other) return 0;
-    const here = firstOf(this.step, this.source.history, this.source.events);
-    const there = firstOf(this.step, other.source.history, other.source.events);
+    const here = firstOf(this.step.peek(), this.source.history, this.source.events);
+    const there = firstOf(this.step.peek(), other.source.history, other.source.events);
     return here === undefined || there === undefined ? 0 : there - here;
   }
 
@@ -173,39 +160,23 @@ export class Comparison {
   private offerSteps(): void {
     const { other } = this;
     if (!other) return;
-    for (const option of this.steps.options) {
-      const both = [this.source, other.source].every(({ history: past, events }) => firstOf(option.value as Step, past, events) !== undefined);
-      if (option.disabled !== !both) option.disabled = !both;
-    }
+    const both = STEPS.filter((step) => [this.source, other.source].every(({ history: past, events }) => firstOf(step, past, events) !== undefined));
+    if (both.join() !== this.offered.peek().join()) this.offered.value = both;
     const { ahead } = this;
     if (ahead !== this.aheadShown) this.inStep();
     this.aheadShown = ahead;
   }
-  private aheadShown = 0;
 
   // ---- how it is shown -----------------------------------------------------------------------------------
 
-  private showBar(): void {
-    const words = text.debrief;
-    const { session } = this.other!;
-    const modes = (["side", "ghost"] as Mode[]).map((mode) => {
-      const input = h("input", { type: "radio", name: "compare-mode", value: mode, on: { change: () => {
-        this.setMode(mode);
-        this.remember();
-      } } });
-      input.checked = mode === this.mode;
-      return h("label", { class: "choice" }, input, h("span", {}, words.modes[mode]));
-    });
-    fill(this.element, h("p", { class: "compare-name" }, h("i", { class: "other-key", "aria-hidden": "true" }), `${words.comparedWith} `,
-      h("a", { href: routeTo("session", [session.id]) }, sessionTitle(session))),
-      h("fieldset", { class: "segments" }, h("legend", { class: "unseen" }, words.mode), ...modes),
-      h("label", { class: "compare-align" }, h("span", {}, words.align), this.steps), this.share, this.line,
-      button(words.endCompare, () => {
-        this.drop();
-        this.remember();
-      }, { kind: "quiet" }));
-    this.element.hidden = false;
-    this.showLine();
+  setMode(mode: Mode): void {
+    this.showAs(mode);
+    this.remember();
+  }
+
+  setStep(step: Step): void {
+    this.step.value = step;
+    this.inStep();
   }
 
   private showLine(): void {
@@ -217,14 +188,14 @@ export class Comparison {
     const here = this.source.session?.caseName ?? "";
     const parts = [
       trouble ? words.otherTrouble(trouble) : "",
-      own !== here ? words.carried(own, here) : "", this.mode === "ghost" ? words.ghostHint : "",
+      own !== here ? words.carried(own, here) : "", this.mode.peek() === "ghost" ? words.ghostHint : "",
     ];
-    setText(this.share, progress < 1 && !trouble ? words.otherLoading(format.percent(replayed ? progress : 0, 0)) : "");
-    setText(this.line, parts.filter((words) => words !== "").join(" "));
+    this.share.value = progress < 1 && !trouble ? words.otherLoading(format.percent(replayed ? progress : 0, 0)) : "";
+    this.line.value = parts.filter((words) => words !== "").join(" ");
   }
 
   // undefined: not at all any more.
-  private setMode(mode: Mode | undefined): void {
+  private showAs(mode: Mode | undefined): void {
     const other = this.other!;
     other.viewport?.close();
     other.viewport?.element.remove();
@@ -235,7 +206,7 @@ export class Comparison {
     this.caption.remove();
     this.dashboard.viewport.onCamera = () => {};
     if (!mode) return;
-    this.mode = mode;
+    this.mode.value = mode;
     if (mode === "ghost") {
       other.overlay = new Overlay(other.source.history);
       this.dashboard.viewport.setOverlay(other.overlay);
@@ -253,6 +224,48 @@ export class Comparison {
     this.dashboard.viewports.append(viewport.element);
     twins(this.dashboard.viewport, viewport);
   }
+}
+
+/** Who is compared, and how; nothing where nobody is. */
+export function CompareBar({ of }: { of: Comparison }) {
+  const words = text.debrief;
+  const session = of.compared.value;
+  if (!session) return null;
+  return (
+    <section class="compare panel" aria-label={words.comparedWith}>
+      <p class="compare-name"><i class="other-key" aria-hidden="true" />{words.comparedWith} <a href={routeTo("session", [session.id])}>{sessionTitle(session)}</a></p>
+      <fieldset class="segments"><legend class="unseen">{words.mode}</legend>
+        {MODES.map((mode) => (
+          <label key={mode} class="choice"><input type="radio" name="compare-mode" value={mode} checked={mode === of.mode.value} onChange={() => of.setMode(mode)} /><span>{words.modes[mode]}</span></label>))}
+      </fieldset>
+      <label class="compare-align"><span>{words.align}</span>
+        <select aria-label={words.align} value={of.step.value} onChange={(event) => of.setStep(event.currentTarget.value as Step)}>
+          {STEPS.map((step) => <option key={step} value={step} disabled={!of.offered.value.includes(step)}>{words.steps[step]}</option>)}
+        </select></label>
+      <span class="compare-share number">{of.share}</span>
+      <p class="compare-line" role="status">{of.line}</p>
+      <Button kind="quiet" onClick={() => of.leave()}>{words.endCompare}</Button>
+    </section>
+  );
+}
+
+// Those on the same case first.
+function Choice({ of: { app, session: here }, chosen }: { of: Comparison; chosen: (id: string) => void }) {
+  const words = text.debrief;
+  const loaded = useLoaded(async () => {
+    const { sessions } = await app.api.get<{ sessions: SessionRow[] }>("/sessions", { limit: LISTED });
+    return sessions.filter(({ id }) => id !== here.id).sort((a, b) => Number(b.case === here.case) - Number(a.case === here.case));
+  });
+  return <>
+    <p class="quiet-text">{words.compareHint}</p>
+    <div class="compare-list"><Await of={loaded}>{(others) => others.length === 0 ? <Empty title={words.compareNone} /> : (
+      <ul>{others.map((one) => (
+        <li key={one.id}><button type="button" class="event compare-choice" onClick={() => chosen(one.id)}>
+          <time>{format.time(one.start_utc_s * 1000)}</time><span class="compare-who">{one.trainee ?? words.nobody}</span>
+          <span class="number quiet-text">{one.end_utc_s === null ? format.none : format.clock(one.end_utc_s - one.start_utc_s)}</span>
+          {one.case === here.case ? <span class="badge good">{words.sameCase}</span> : <span class="badge">{words.onOtherCase(one.case)}</span>}
+        </button></li>))}</ul>)}</Await></div>
+  </>;
 }
 
 // Both are seen from the same camera: the one that was touched last leads.

@@ -1,26 +1,28 @@
 // What a replay is run with: play, speed, events, the timeline, keys.
+import { signal } from "@preact/signals";
+import { useLayoutEffect } from "preact/hooks";
+import { Button, Drop, Island, Select, type IconName } from "../kit";
+import { nextStop, Player, SPEEDS, stopsOf } from "../playback";
 import type { Change, FeedSource, Source } from "../source";
 import { format, text } from "../text";
-import { nextStop, Player, SPEEDS, stopsOf } from "../playback";
 import { Timeline } from "../timeline";
-import type { IconName } from "../kit/icon";
-import { fill, h, icon, select, setText } from "../ui";
 
 const FOLLOW_MS = 250;
 const PICTURE_MOST_S = 1; // a page that was hidden goes on where it was
 
+/** The clock of a replay; its bar shows the signals. */
 export class Transport {
-  readonly element: HTMLElement;
   onTime: (time: number) => void = () => {};
 
+  readonly timeline: Timeline;
+  readonly playing = signal(false);
+  readonly speed = signal(1);
+  readonly clock = signal("");
+  readonly progress = signal(0); // the share of the record that is here
+  readonly replays = signal(false); // the server has begun to send it
+  readonly outcome = signal({ words: "", wrong: false }); // what is said once all is here
+  readonly withOther = signal(false);
   private readonly player = new Player();
-  private readonly timeline: Timeline;
-  private readonly play: HTMLButtonElement;
-  private readonly speed: HTMLSelectElement;
-  private readonly clock = h("output", { class: "transport-clock number" });
-  private readonly line = h("p", { class: "transport-line", role: "status" });
-  private readonly share = h("span", { class: "transport-line" }); // not read out at each step
-  private readonly bar = h("progress", { class: "transport-progress", max: 1, "aria-label": text.debrief.transport });
   private readonly ends: (() => void)[];
   private pending = 0;
   private last = 0; // when the picture before was drawn
@@ -28,21 +30,9 @@ export class Transport {
   private followed = 0; // when the end was last shown while more came
 
   constructor(private readonly source: FeedSource) {
-    const words = text.debrief;
     this.timeline = new Timeline(source);
     this.timeline.onSeek = (time) => this.seek(time);
-    this.play = this.tool("running", words.play, () => this.toggle());
-    this.speed = select(SPEEDS.map((speed) => [String(speed), words.times(speed)]), "1", { "aria-label": words.speed,
-      on: { change: () => (this.player.speed = Number(this.speed.value)) } });
-    const keys = h("details", { class: "drop keys" }, h("summary", { class: "button" }, words.keysTitle),
-      h("div", { class: "drop-panel" }, ...words.keys.split(" · ").map((key) => h("p", {}, key))));
-    this.element = h("section", { class: "transport panel", "aria-label": words.transport },
-      h("div", { class: "transport-tools" }, this.tool("previous", words.previous, () => this.jump(-1)), this.play, this.tool("next", words.next, () => this.jump(1)),
-        this.clock, this.speed, keys, h("div", { class: "transport-state" }, this.line, this.share, this.bar)),
-      this.timeline.element);
-    const key = (event: KeyboardEvent): void => this.key(event);
-    document.addEventListener("keydown", key);
-    this.ends = [() => document.removeEventListener("keydown", key), source.onChange((change) => this.changed(change)), () => this.timeline.close()];
+    this.ends = [source.onChange((change) => this.changed(change)), () => this.timeline.close()];
     this.changed("session");
   }
 
@@ -64,17 +54,7 @@ export class Transport {
 
   setOther(source: Source | undefined, ahead: number): void {
     this.timeline.setOther(source, ahead);
-    this.element.classList.toggle("with-other", source !== undefined);
-  }
-
-  /** What stands beside the buttons once all is here. */
-  say({ words, wrong }: { words: string; wrong: boolean }): void {
-    setText(this.line, words);
-    this.line.classList.toggle("fault", wrong);
-  }
-
-  private tool(sign: IconName, words: string, click: () => void): HTMLButtonElement {
-    return h("button", { type: "button", class: "button icon-only", "aria-label": words, title: words, on: { click } }, icon(sign));
+    this.withOther.value = source !== undefined;
   }
 
   private get complete(): boolean {
@@ -90,10 +70,8 @@ export class Transport {
 
   private changed(change: Change): void {
     if (change === "session" || change === "progress") {
-      this.bar.value = this.source.progress;
-      this.bar.hidden = this.complete;
-      setText(this.share, this.complete || !this.source.session ? "" : text.debrief.replaying(format.percent(this.source.progress, 0)));
-      if (!this.complete) this.say({ words: "", wrong: false });
+      this.progress.value = this.source.progress;
+      this.replays.value = this.source.session !== undefined;
     }
     if (this.player.atEnd) {
       this.follow(change);
@@ -115,13 +93,13 @@ export class Transport {
     this.toEnd();
   }
 
-  private toggle(): void {
+  toggle(): void {
     this.player.toggle(this.source.history.start, this.source.history.end, this.complete);
     this.last = performance.now();
     this.show();
   }
 
-  private jump(way: 1 | -1): void {
+  jump(way: 1 | -1): void {
     const said = this.source.remarks.map(({ timeNs }) => Number(timeNs) * 1e-9);
     const stops = stopsOf(this.source.events, [...said, ...this.source.markers.map(({ time }) => time)]);
     const { start, end } = this.source.history;
@@ -132,13 +110,8 @@ export class Transport {
 
   private show(): void {
     const { time, playing } = this.player;
-    const label = playing ? text.debrief.pause : text.debrief.play;
-    if (this.play.title !== label) {
-      this.play.title = label;
-      this.play.setAttribute("aria-label", label);
-      fill(this.play, icon(playing ? "paused" : "running"));
-    }
-    setText(this.clock, `${format.tenths(time)} / ${format.tenths(this.length)}`);
+    this.playing.value = playing;
+    this.clock.value = `${format.tenths(time)} / ${format.tenths(this.length)}`;
     this.timeline.setTime(time, this.length);
     if (time !== this.shown) this.onTime(time);
     this.shown = time;
@@ -164,7 +137,7 @@ export class Transport {
     if (at >= 0) this.seek(history.time(at));
   }
 
-  private key(event: KeyboardEvent): void {
+  key(event: KeyboardEvent): void {
     if (event.defaultPrevented || event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
     const on = event.target as HTMLElement;
     if (on.matches("input, select, textarea, [role=tab]") || (event.key === " " && on.matches("button, a, summary"))) return;
@@ -182,8 +155,55 @@ export class Transport {
     what();
   }
 
+  setSpeed(speed: number): void {
+    this.player.speed = this.speed.value = speed;
+  }
+
   private faster(way: number): void {
     this.player.shift(way);
-    this.speed.value = String(this.player.speed);
+    this.speed.value = this.player.speed;
   }
+}
+
+const Tool = ({ icon, words, click }: { icon: IconName; words: string; click: () => void }) =>
+  <Button class="icon-only" icon={icon} aria-label={words} title={words} onClick={click} />;
+
+export function TransportBar({ of }: { of: Transport }) {
+  const words = text.debrief;
+  useLayoutEffect(() => {
+    const key = (event: KeyboardEvent): void => of.key(event);
+    document.addEventListener("keydown", key);
+    return () => document.removeEventListener("keydown", key);
+  }, [of]);
+  const playing = of.playing.value;
+  return (
+    <section class={`transport panel ${of.withOther.value ? "with-other" : ""}`} aria-label={words.transport}>
+      <div class="transport-tools">
+        <Tool icon="previous" words={words.previous} click={() => of.jump(-1)} />
+        <Tool icon={playing ? "paused" : "running"} words={playing ? words.pause : words.play} click={() => of.toggle()} />
+        <Tool icon="next" words={words.next} click={() => of.jump(1)} />
+        <output class="transport-clock number">{of.clock}</output>
+        <Select label={words.speed} options={SPEEDS.map((speed) => [String(speed), words.times(speed)])} value={String(of.speed.value)} onChoose={(speed) => of.setSpeed(Number(speed))} />
+        <Drop label={words.keysTitle} class="keys">{words.keys.split(" · ").map((key) => <p key={key}>{key}</p>)}</Drop>
+        <State of={of} />
+      </div>
+      <Island make={(place) => {
+        place.append(of.timeline.element);
+        return () => {};
+      }} />
+    </section>
+  );
+}
+
+function State({ of }: { of: Transport }) {
+  const progress = of.progress.value;
+  const { words, wrong } = of.outcome.value;
+  const complete = progress === 1;
+  return (
+    <div class="transport-state">
+      <p class={`transport-line ${complete && wrong ? "fault" : ""}`} role="status">{complete ? words : ""}</p>
+      <span class="transport-line">{complete || !of.replays.value ? "" : text.debrief.replaying(format.percent(progress, 0))}</span>{/* not read out at each step */}
+      <progress class="transport-progress" max={1} value={progress} hidden={complete} aria-label={text.debrief.transport} />
+    </div>
+  );
 }

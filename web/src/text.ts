@@ -628,6 +628,8 @@ export const text = {
       goals: "Goals", planPicture: "The planned resection from above", planHint: "The plan: the coloured part goes. Drag to turn.",
       tools: "Show the tools", show: (tool: string) => `Show the ${tool}`, ready: "ready", notSeen: "not seen yet",
       start: "Start", startAnyway: "Start without", take: "Take this station",
+      onCases: (cases: readonly string[]) => `Your course asks for this task on ${cases.join(" or ")}.`,
+      otherCase: (cases: readonly string[], here: string) => `Your course asks for this task on ${cases.join(" or ")}. This station has ${here}: ask an instructor to change its case. An attempt on ${here} does not count for your course.`,
       noStation: "This station is not connected", noStationHint: "Start the station's program, or choose another station.",
       takenHint: "Wait until the station is free.",
       step: (n: number, of: number) => `Step ${n} of ${of}`,

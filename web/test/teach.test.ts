@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { levels, missing, sum, SUM_MOST, type Scores, DOMAINS } from "../src/teach/asset";
-import { clipAround, StepTimes, worst } from "../src/teach/model";
+import { casesOf, clipAround, StepTimes, worst, type Today } from "../src/teach/model";
 import { sentencesOf } from "../src/teach/limits_words";
 import { add, move, remove, weeksOf } from "../src/teach/plan";
 import { stateOf, type Cell } from "../src/teach/progress";
@@ -98,6 +98,14 @@ test("a plan opens each task after the one before, and nothing waits for what wa
   assert.deepEqual(remove(plan, "b").map(({ task, after }) => [task, after]), [["a", []], ["c", []]]);
   assert.deepEqual(move(plan, "c", 9, 4).map(({ week }) => week), [1, 1, 4]);
   assert.deepEqual(weeksOf(plan, 3).map(({ tasks }) => tasks.length), [2, 1, 0]);
+});
+
+test("a task counts on the cases that its courses ask for, and on all where one asks for none", () => {
+  const step = (task: string, ...cases: string[]) => ({ task, cases });
+  const today = (...courses: { task: string; cases: string[] }[][]) => ({ courses: courses.map((steps) => ({ steps })), exams: [] }) as unknown as Today;
+  assert.deepEqual(casesOf(today([step("look", "healthy"), step("cut", "torn")], [step("look", "arthrosis", "healthy")]), "look"), ["healthy", "arthrosis"]);
+  assert.deepEqual(casesOf(today([step("look", "healthy")], [step("look")]), "look"), []);
+  assert.deepEqual(casesOf(today([step("cut", "torn")]), "look"), []);
 });
 
 test("a cell shows the exam first, and what is overdue before what is tried", () => {

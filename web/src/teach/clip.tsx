@@ -1,27 +1,40 @@
-// Six seconds of a session through its scope, again and again.
+// Six seconds of a session through its scope, again and again; or what led to its error stands.
 import { useEffect, useRef, useState } from "preact/hooks";
 import { ScopeReplay } from "../scope_replay";
 import type { Source } from "../source";
 import { format } from "../text";
 
-export function Clip({ source, from, to, label }: { source: Source; from: number; to: number; label: string }) {
+interface ClipProps {
+  source: Source;
+  from: number;
+  to: number;
+  still: number; // what is shown while it does not play
+  playing: boolean;
+  label: string;
+}
+
+export function Clip({ source, from, to, still, playing, label }: ClipProps) {
   const place = useRef<HTMLDivElement>(null);
-  const [time, setTime] = useState(from);
+  const replay = useRef<ScopeReplay | undefined>(undefined);
+  const [time, setTime] = useState(still);
   useEffect(() => {
-    const replay = new ScopeReplay(place.current!, source);
-    const begun = performance.now();
+    const shown = (replay.current = new ScopeReplay(place.current!, source));
+    return () => shown.close();
+  }, [source]);
+  useEffect(() => {
     let frame = 0;
-    const step = (now: number): void => {
-      frame = requestAnimationFrame(step);
-      const at = from + (((now - begun) / 1000) % Math.max(0.1, to - from));
-      replay.setTime(at);
+    const begun = performance.now();
+    const show = (at: number): void => {
+      replay.current!.setTime(at);
       setTime(Math.floor(at * 4) / 4);
     };
-    frame = requestAnimationFrame(step);
-    return () => {
-      cancelAnimationFrame(frame);
-      replay.close();
+    const step = (now: number): void => {
+      frame = requestAnimationFrame(step);
+      show(from + (((now - begun) / 1000) % Math.max(0.1, to - from)));
     };
-  }, [source, from, to]);
+    if (playing) frame = requestAnimationFrame(step);
+    else show(still);
+    return () => cancelAnimationFrame(frame);
+  }, [source, from, to, still, playing]);
   return <figure class="clip" aria-label={label}><div class="clip-picture" ref={place} /><figcaption><span>{label}</span><span class="number">{format.tenths(Math.max(time, 0))}</span></figcaption></figure>;
 }

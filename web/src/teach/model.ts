@@ -171,6 +171,12 @@ export interface Today {
   exams: { id: string; course: string; title: string; state: string }[];
 }
 
+/** The cases on which a task counts for the courses of today; none: all of them. */
+export function casesOf({ courses }: Today, task: string): string[] {
+  const asked = courses.flatMap(({ steps }) => steps.filter((step) => step.task === task).map(({ cases }) => cases));
+  return asked.some((cases) => cases.length === 0) ? [] : [...new Set(asked.flat())];
+}
+
 export interface Curriculum {
   version: number;
   state: "draft" | "published" | "frozen";

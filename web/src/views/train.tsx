@@ -15,7 +15,7 @@ import { Clip } from "../teach/clip";
 import { Goals } from "../teach/limits_words";
 import { PlanPicture } from "../teach/plan_picture";
 import { attemptOf, beginCommand, helpCommand, leaveCommand, stopCommand, takeCommand } from "../teach/live_attempt";
-import { clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Step, type Task, type Today } from "../teach/model";
+import { casesOf, clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Step, type Task, type Today } from "../teach/model";
 import { Bar, useTick } from "../teach/parts";
 import { format, text } from "../text";
 import { Scope } from "./scope";
@@ -30,6 +30,7 @@ export const train = view(Train);
 interface Chosen {
   task: Task;
   hand: Hand;
+  cases: readonly string[]; // on which it counts for the trainee's courses; none: on all
 }
 
 function Train({ route, app }: ViewProps) {
@@ -139,9 +140,9 @@ function Trainee({ station, route, app, account }: { station: string; route: Rou
   };
   const choose = async (task: string, hand: Hand): Promise<void> => {
     try {
-      const { task: found } = await app.api.get<{ task: Task }>(`/tasks/${encodeURIComponent(task)}`);
+      const [{ task: found }, today] = await Promise.all([app.api.get<{ task: Task }>(`/tasks/${encodeURIComponent(task)}`), app.api.get<Today>("/trainees/me/today")]);
       if (attempt?.end) setClosed(attempt.number);
-      setChosen({ task: found, hand });
+      setChosen({ task: found, hand, cases: casesOf(today, task) });
     } catch (error) {
       toastFault(error);
     }
@@ -220,7 +221,8 @@ function isSeen({ source }: LiveState, name: string): boolean {
 
 function Briefing({ app, station, live, chosen, back }: { app: App; station: string; live: LiveState | undefined; chosen: Chosen; back: () => void }) {
   const words = text.teach.train;
-  const { task, hand } = chosen;
+  const { task, hand, cases } = chosen;
+  const here = live?.source.session?.caseName;
   const [fault, setFault] = useState("");
   const [busy, setBusy] = useState(false);
   useTick(250);
@@ -251,6 +253,7 @@ function Briefing({ app, station, live, chosen, back }: { app: App; station: str
           <p class="quiet-text">{sentenceOf(text.teach.hands[hand]!)}</p>
           <p class="quiet-text">{text.teach.mark(format.clock(task.mark.time_s), task.mark.errors)}</p></div>
       </div>
+      {cases.length > 0 && <p class={here && !cases.includes(here) ? "notice" : "quiet-text"} role="status">{here && !cases.includes(here) ? words.otherCase(cases, here) : words.onCases(cases)}</p>}
       <p class="fault" role="alert">{fault || (live ? trouble(live) : "")}</p>
       <div class="train-actions">
         <Button onClick={back}>{words.back}</Button>
@@ -336,8 +339,6 @@ function Feedback({ app, live, attempt, leave, again, next }: { app: App; live: 
     return all.length ? Math.min(...all) : undefined;
   };
   const { history } = live.source;
-  const shown = clip === undefined ? undefined : bad[clip];
-  const range = shown && clipAround(live.steps.at(shown.step), history.start, history.end);
   const name = (error: string): string => nameInWords(error);
   return (
     <section class={`train-card feedback ${passed ? "passed" : "not-yet"}`} data-verdict={attempt.verdict}>
@@ -350,9 +351,14 @@ function Feedback({ app, live, attempt, leave, again, next }: { app: App; live: 
           {met < attempt.goals.length && <div><h3>{words.missed}</h3><ul class="goals">{attempt.goals.filter(({ met_s }) => met_s === null).map((goal) => <li key={goal.name}>{name(goal.name)}</li>)}</ul></div>}
         </div>
         <div class="feedback-errors"><h3>{words.worst}</h3>
-          {bad.length === 0 ? <p>{words.noErrors}</p> : <ul>{bad.map((one, at) => (
-            <li key={one.step}><button type="button" class="button wide" aria-pressed={clip === at} onClick={() => setClip(clip === at ? undefined : at)}><Icon name="running" />{words.clip(name(one.error), format.clock(one.time_s))}</button></li>))}</ul>}
-          {shown && range && <Clip source={live.source} from={range.from} to={range.to} label={words.clipOf(name(shown.error))} />}
+          {bad.length === 0 ? <p>{words.noErrors}</p> : <ol class="feedback-clips">{bad.map((one, at) => {
+            const still = live.steps.at(one.step);
+            const { from, to } = clipAround(still, history.start, history.end);
+            return (
+              <li key={one.step}><button type="button" class="button wide" aria-pressed={clip === at} onClick={() => setClip(clip === at ? undefined : at)}>
+                <Icon name={clip === at ? "paused" : "running"} />{words.clip(name(one.error), format.clock(one.time_s))}</button>
+                <Clip source={live.source} from={from} to={to} still={still} playing={clip === at} label={words.clipOf(name(one.error))} /></li>);
+          })}</ol>}
         </div>
       </div>
       <div class="train-actions">

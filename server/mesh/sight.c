@@ -86,14 +86,15 @@ struct asking {
     struct RTCIntersectContext context; // first
     vec3 from, way;
     double last; // share of the way up to which triangles count
+    uint32_t crossing;
 };
 
 // Whether the way crosses the triangle's plane inside it, at a share from 0 to `last`. Signed
 // volumes, so neighbours agree about the edge that they share.
-static bool crosses(const struct asking *a, vec3 p, vec3 q, vec3 r) {
-    p = vec3_sub(p, a->from);
-    q = vec3_sub(q, a->from);
-    r = vec3_sub(r, a->from);
+static bool crosses(const struct asking *a, const struct mesh *mesh, uint32_t triangle) {
+    vec3 p = vec3_sub(mesh_corner(mesh, triangle, 0), a->from);
+    vec3 q = vec3_sub(mesh_corner(mesh, triangle, 1), a->from);
+    vec3 r = vec3_sub(mesh_corner(mesh, triangle, 2), a->from);
     double u = vec3_dot(a->way, vec3_cross(r, q));
     double v = vec3_dot(a->way, vec3_cross(p, r));
     double w = vec3_dot(a->way, vec3_cross(q, p));
@@ -106,22 +107,24 @@ static bool crosses(const struct asking *a, vec3 p, vec3 q, vec3 r) {
 
 static void meet_triangle(const struct RTCOccludedFunctionNArguments *arguments) {
     const struct sight *sight = arguments->geometryUserPtr;
-    const struct asking *asking = (const struct asking *)(const void *)arguments->context;
-    const struct mesh *mesh = sight->mesh;
+    struct asking *asking = (struct asking *)(void *)arguments->context;
     CHECK(arguments->N == 1);
-    if (arguments->valid[0] &&
-        crosses(asking, mesh_corner(mesh, arguments->primID, 0),
-                mesh_corner(mesh, arguments->primID, 1), mesh_corner(mesh, arguments->primID, 2)))
-        ((struct RTCRay *)(void *)arguments->ray)->tfar = -INFINITY;
+    if (!arguments->valid[0] || !crosses(asking, sight->mesh, arguments->primID))
+        return;
+    asking->crossing = arguments->primID;
+    ((struct RTCRay *)(void *)arguments->ray)->tfar = -INFINITY;
 }
 
-bool sight_is_clear(const struct sight *sight, vec3 from, vec3 to, double spare_mm) {
-    CHECK(vec3_is_finite(from) && vec3_is_finite(to));
+bool sight_is_clear(const struct sight *sight, vec3 from, vec3 to, double spare_mm,
+                    uint32_t *hint) {
+    CHECK(vec3_is_finite(from) && vec3_is_finite(to) && *hint < sight->mesh->triangle_count);
     struct asking asking = {.from = from, .way = vec3_sub(to, from)};
     double length = vec3_length(asking.way);
     if (length <= spare_mm)
         return true;
     asking.last = 1 - spare_mm / length;
+    if (crosses(&asking, sight->mesh, *hint))
+        return false;
     struct RTCRay ray = {.org_x = (float)from.x,
                          .org_y = (float)from.y,
                          .org_z = (float)from.z,
@@ -132,5 +135,8 @@ bool sight_is_clear(const struct sight *sight, vec3 from, vec3 to, double spare_
                          .mask = UINT32_MAX};
     rtcInitIntersectContext(&asking.context);
     rtcOccluded1(sight->scene, &asking.context, &ray);
-    return ray.tfar >= 0;
+    if (ray.tfar >= 0)
+        return true;
+    *hint = asking.crossing;
+    return false;
 }

@@ -15,5 +15,6 @@ enum result sight_create(const struct mesh *mesh, struct sight **out_sight, stru
 void sight_destroy(struct sight **sight); // NULL inside is fine; *sight becomes NULL
 
 // Whether no triangle crosses the straight way from one point to the other. What crosses it in the
-// last spare_mm does not count. Both in the mesh's frame, finite.
-bool sight_is_clear(const struct sight *sight, vec3 from, vec3 to, double spare_mm);
+// last spare_mm does not count. Both in the mesh's frame, finite. The hint is any triangle of the
+// mesh: it is tried first, so an answer near the last one is cheap, and becomes one that crosses.
+bool sight_is_clear(const struct sight *sight, vec3 from, vec3 to, double spare_mm, uint32_t *hint);

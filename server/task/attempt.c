@@ -3,6 +3,7 @@
 #include "task/conditions.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 #define SPEED_NS 100000000LL // time constant of a tip's speed
@@ -13,6 +14,10 @@ static int64_t ns_of(double seconds) {
 
 void attempt_init(struct attempt *a) {
     memset(a, 0, sizeof *a);
+}
+
+bool attempt_is_same(const struct attempt *a, const struct attempt *b) {
+    return memcmp(a, b, offsetof(struct attempt, hints)) == 0;
 }
 
 // ---- time and motion ----------------------------------------------------------------------------

@@ -1,8 +1,8 @@
 // An attempt: one trial of a task, a span of a session's steps. It is judged from the steps'
 // outputs alone, so live, after a restart and from the trace the same bits come out.
 //
-// struct attempt has constant size and no pointers, so an assignment copies it and memcmp compares
-// it. Nothing here allocates, fails or reads a clock.
+// struct attempt has constant size and no pointers, so an assignment copies it. Nothing here
+// allocates, fails or reads a clock.
 #pragma once
 
 #include "base/attempt_words.h"
@@ -46,6 +46,12 @@ struct occurrence {
     int64_t time_ns;
 };
 
+// What makes the next step's answers cheap, and changes none.
+struct goal_hints {
+    int32_t shown;                              // of the landmark's points, the one seen last
+    struct site_hint hidden_by[SITE_SHOWN_MAX]; // of each point
+};
+
 struct attempt {
     uint64_t first_step, last_step;
     int64_t running_ns;
@@ -63,6 +69,7 @@ struct attempt {
     struct error_state found[TASK_ERRORS_MAX][INSTRUMENT_COUNT]; // of each tool
     int32_t occurrence_count;
     struct occurrence occurrences[ATTEMPT_OCCURRENCES_MAX];
+    struct goal_hints hints[TASK_GOALS_MAX]; // last
 };
 
 // What a step brought: bit i of goals_met for goal i.
@@ -70,6 +77,9 @@ struct attempt_news {
     uint32_t goals_met, errors;
     bool ended;
 };
+
+// The same bits, but for the hints.
+bool attempt_is_same(const struct attempt *a, const struct attempt *b);
 
 // It begins with the next step.
 void attempt_init(struct attempt *attempt);

@@ -4,7 +4,9 @@
 
 #define TOUCH_MM 1.0   // a tip this near touches; a tracker's noise is well below
 #define INSIDE_MM 15.0 // a tip this near to a surface is in the knee
-#define LEVEL_MIN 0.2  // looked at along its axis, the tibia stands upright in any picture
+#define CLEARLY 1e-9   // a difference of cosines that no rounding makes
+#define CLEARLY_MM 1e-6
+#define LEVEL_MIN 0.2 // looked at along its axis, the tibia stands upright in any picture
 
 // An error that was counted goes on until it misses its bound by more than noise does.
 #define SPARE_MM 0.3         // at most half of a bound
@@ -17,14 +19,16 @@
 
 struct looking looking_at(const struct site *site, const struct session_output *output) {
     const struct instruments *tools = site_tools(site);
-    for (int i = 0; i < tools->count; i++) {
+    struct looking looking = {.T_mockup_scope = {.rotation = quat_identity()}};
+    for (int i = 0; i < tools->count && !looking.is_there; i++) {
         const struct instrument_output *o = &output->instruments[i];
         if (tools->of[i].kind == INSTRUMENT_OPTIC && o->present)
-            return (struct looking){true, i, o->T_mockup_warped,
-                                    optic_axis(site_optic(site), o->T_mockup_warped),
-                                    0.5 * site_optic(site)->field_deg};
+            looking = (struct looking){true, i, o->T_mockup_warped,
+                                       optic_axis(site_optic(site), o->T_mockup_warped),
+                                       0.5 * site_optic(site)->field_deg};
     }
-    return (struct looking){.T_mockup_scope = {.rotation = quat_identity()}};
+    looking.eye = site_eye(output, looking.T_mockup_scope.translation);
+    return looking;
 }
 
 static double angle_deg(vec3 a, vec3 b) {
@@ -51,28 +55,57 @@ static bool is_upright(const struct goal *goal, const struct site *site,
     return vec3_length(proximal) < LEVEL_MIN || angle_deg(up, proximal) <= goal->upright_deg;
 }
 
-static bool is_point_seen(const struct goal *goal, const struct site *site,
-                          const struct session_output *output, const struct looking *looking,
-                          uint32_t cut, vec3 p) {
-    vec3 scope = looking->T_mockup_scope.translation;
-    double distance = vec3_distance(p, scope);
-    return is_in_picture(looking, p, goal->centre) && distance <= goal->within_mm &&
-           distance >= goal->beyond_mm && site_sees(site, output, cut, scope, p);
+// Most points are clearly beside or clearly within, and their cosine says so cheaply.
+static bool is_in_centre(const struct goal *goal, const struct looking *looking, double seen_cosine,
+                         vec3 p, double distance) {
+    vec3 way = vec3_sub(p, looking->T_mockup_scope.translation);
+    double beyond = vec3_dot(looking->axis, way) - seen_cosine * distance;
+    if (fabs(beyond) > CLEARLY * distance)
+        return beyond > 0;
+    return is_in_picture(looking, p, goal->centre);
 }
 
+static bool is_point_seen(const struct goal *goal, const struct site *site, int index,
+                          const struct looking *looking, uint32_t cut, vec3 p,
+                          struct site_hint *hint) {
+    vec3 scope = looking->T_mockup_scope.translation;
+    double distance = vec3_distance(p, scope);
+    return distance <= goal->within_mm && distance >= goal->beyond_mm &&
+           is_in_centre(goal, looking, site_goal(site, index)->seen_cosine, p, distance) &&
+           site_sees(site, &looking->eye, cut, p, hint);
+}
+
+// Whether all points of the landmark are clearly beside the picture, too far or too near.
+static bool is_out_of_sight(const struct goal *goal, const struct site *site, int index,
+                            const struct session_output *output, const struct looking *looking) {
+    const struct site_goal *g = site_goal(site, index);
+    vec3 middle = pose_apply(output->T_mockup_virtual[g->see.body], g->see.middle);
+    vec3 way = vec3_sub(middle, looking->eye.at);
+    double distance = vec3_length(way), radius = g->see.radius_mm + CLEARLY_MM;
+    return distance - radius > goal->within_mm || distance + radius < goal->beyond_mm ||
+           vec3_dot(looking->axis, way) + radius < g->seen_cosine * (distance - radius);
+}
+
+// The point that was seen last is tried first.
 bool goal_is_seen(const struct goal *goal, const struct site *site, int index,
                   const struct session_output *output, const struct looking *looking,
-                  const struct attempt *attempt) {
+                  struct attempt *attempt) {
     const struct spot *spot = &site_goal(site, index)->see;
+    struct goal_hints *hints = &attempt->hints[index];
     if (!goal->see[0])
         return true;
-    if (!looking->is_there || !is_upright(goal, site, output, looking))
+    if (!looking->is_there || is_out_of_sight(goal, site, index, output, looking) ||
+        !is_upright(goal, site, output, looking))
         return false;
     const pose *T = &output->T_mockup_virtual[spot->body];
-    for (int i = 0; i < spot->shown_count; i++)
-        if (is_point_seen(goal, site, output, looking, attempt->cut,
-                          pose_apply(*T, spot->shown[i])))
-            return true;
+    for (int k = 0; k < spot->shown_count; k++) {
+        int i = (hints->shown + k) % spot->shown_count;
+        if (!is_point_seen(goal, site, index, looking, attempt->cut, pose_apply(*T, spot->shown[i]),
+                           &hints->hidden_by[i]))
+            continue;
+        hints->shown = i;
+        return true;
+    }
     return false;
 }
 

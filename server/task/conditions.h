@@ -10,13 +10,14 @@ struct looking {
     pose T_mockup_scope; // as it is shown
     vec3 axis;           // where it looks, a unit vector
     double half_field_deg;
+    struct site_eye eye; // where the scope's tip is shown
 };
 
 struct looking looking_at(const struct site *site, const struct session_output *output);
 
 bool goal_is_seen(const struct goal *goal, const struct site *site, int index,
                   const struct session_output *output, const struct looking *looking,
-                  const struct attempt *attempt);
+                  struct attempt *attempt);
 bool goal_touches(const struct goal *goal, const struct site *site, int index,
                   const struct session_output *output, const struct looking *looking);
 bool goal_is_through(const struct site *site, int index, const struct session_output *output,

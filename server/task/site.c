@@ -86,6 +86,10 @@ static void show(const struct case_group *group, struct spot *spot) {
     for (int i = 0; i < SITE_SHOWN_MAX; i++)
         if (least[i] < spot->depth_mm + SITE_SHOWN_MM)
             spot->shown[spot->shown_count++] = shown_vertex(group, nearest[i]);
+    for (int i = 0; i < spot->shown_count; i++)
+        spot->middle = vec3_add_scaled(spot->middle, 1.0 / spot->shown_count, spot->shown[i]);
+    for (int i = 0; i < spot->shown_count; i++)
+        spot->radius_mm = fmax(spot->radius_mm, vec3_distance(spot->middle, spot->shown[i]));
 }
 
 static enum result spot_at(const struct knee_case *knee, enum body body, vec3 at,
@@ -202,6 +206,7 @@ static enum result find_goal(struct site *site, int index, struct error *err) {
     const struct goal *goal = &site->task->goals[index];
     struct site_goal *g = &site->goals[index];
     enum result result = RESULT_OK;
+    g->seen_cosine = cos(RAD_PER_DEG * goal->centre * 0.5 * site->optic.field_deg);
     if (goal->see[0])
         result = find_spot(site, goal->see, &g->see, err);
     if (result == RESULT_OK && goal->touch[0])
@@ -252,19 +257,34 @@ static enum result build_sights(struct site *site, struct error *err) {
     return RESULT_OK;
 }
 
-static bool is_hidden_by(const struct site *site, int group, const struct session_output *output,
-                         vec3 from, vec3 to) {
-    pose T_body_mockup = pose_inverse(output->T_mockup_virtual[site->knee->groups[group].body]);
-    return !sight_is_clear(site->sights[group], pose_apply(T_body_mockup, from),
-                           pose_apply(T_body_mockup, to), SITE_SPARE_MM);
+struct site_eye site_eye(const struct session_output *output, vec3 at) {
+    struct site_eye eye = {.at = at};
+    for (enum body body = 0; body < BODY_COUNT; body++) {
+        eye.T_body_mockup[body] = pose_inverse(output->T_mockup_virtual[body]);
+        eye.in_body[body] = pose_apply(eye.T_body_mockup[body], at);
+    }
+    return eye;
 }
 
-bool site_sees(const struct site *site, const struct session_output *output, uint32_t cut,
-               vec3 from, vec3 to) {
+static bool is_hidden_by(const struct site *site, int group, const struct site_eye *eye,
+                         uint32_t cut, vec3 to, uint32_t *triangle) {
+    enum body body = site->knee->groups[group].body;
+    bool was_cut = site->tissue[group] >= 0 && (cut >> site->tissue[group] & 1);
+    return site->sights[group] && !was_cut &&
+           !sight_is_clear(site->sights[group], eye->in_body[body],
+                           pose_apply(eye->T_body_mockup[body], to), SITE_SPARE_MM, triangle);
+}
+
+bool site_sees(const struct site *site, const struct site_eye *eye, uint32_t cut, vec3 to,
+               struct site_hint *hint) {
+    if (is_hidden_by(site, hint->group, eye, cut, to, &hint->triangle))
+        return false;
     for (int i = 0; i < site->knee->group_count; i++) {
-        bool was_cut = site->tissue[i] >= 0 && (cut >> site->tissue[i] & 1);
-        if (site->sights[i] && !was_cut && is_hidden_by(site, i, output, from, to))
-            return false;
+        uint32_t triangle = 0;
+        if (i == hint->group || !is_hidden_by(site, i, eye, cut, to, &triangle))
+            continue;
+        *hint = (struct site_hint){i, triangle};
+        return false;
     }
     return true;
 }

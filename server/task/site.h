@@ -23,6 +23,8 @@ struct spot {
     // farther from it than depth_mm + SITE_SHOWN_MM. Who sees one of them sees the landmark.
     int shown_count;
     vec3 shown[SITE_SHOWN_MAX];
+    vec3 middle; // of a ball round them
+    double radius_mm;
 };
 
 struct site_goal {
@@ -31,6 +33,7 @@ struct site_goal {
     int tissue;                    // that `resect` names
     uint32_t loose;                // that `take_out` names, a bit each
     int scope_portal, tool_portal; // -1: any
+    double seen_cosine;            // of the widest angle from where the optic looks
     int line_count;                // 0: no line
     vec3 line[SITE_LINE_MAX];      // on S, in the frame of touch.body
 };
@@ -61,10 +64,23 @@ int site_tissue(const struct site *site, int group); // index of what can be cut
 bool site_error_concerns(const struct site *site, int error, int tool);
 bool site_error_has_group(const struct site *site, int error, int group);
 
-// Whether no surface as the patient has it lies between two points of the mock-up's frame. The
-// bodies are as the output shows them. Ligaments that bridge two bones and the skin hide nothing,
-// and neither does a tissue from which something was cut (`cut`, a bit each), nor what lies within
-// SITE_SPARE_MM of `to`.
+// A point of the mock-up's frame from which one looks, and the bones as they are shown.
+struct site_eye {
+    vec3 at, in_body[BODY_COUNT];
+    pose T_body_mockup[BODY_COUNT];
+};
+struct site_eye site_eye(const struct session_output *output, vec3 at);
+
+// What lay in between at the last time. Zeroed it is of the first time.
+struct site_hint {
+    int32_t group;
+    uint32_t triangle;
+};
+
+// Whether no surface as the patient has it lies between the eye and a point of the mock-up's frame.
+// The hint changes no answer: it makes one cheap. Ligaments that
+// bridge two bones and the skin hide nothing, and neither does a tissue from which something was
+// cut (`cut`, a bit each), nor what lies within SITE_SPARE_MM of `to`.
 #define SITE_SPARE_MM 3.0
-bool site_sees(const struct site *site, const struct session_output *output, uint32_t cut,
-               vec3 from, vec3 to);
+bool site_sees(const struct site *site, const struct site_eye *eye, uint32_t cut, vec3 to,
+               struct site_hint *hint);

@@ -170,7 +170,7 @@ static void kill_and_resume(struct living *l, struct random *random) {
     tear(l->path, 1 + random_bits(random) % TORN_BYTES);
     resume(l);
     l->lives->kills++;
-    l->lives->differences += memcmp(&l->attempt, &expected, sizeof expected) != 0;
+    l->lives->differences += !attempt_is_same(&l->attempt, &expected);
 }
 
 // ---- begin and end ------------------------------------------------------------------------------
@@ -223,8 +223,7 @@ static void end(struct living *l) {
 static void compare(void *user, const struct judged_attempt *judged) {
     struct lives *lives = user;
     lives->traced_verdict = judged->verdict;
-    lives->differences +=
-        !judged->is_same || memcmp(&judged->attempt, &lives->attempt, sizeof lives->attempt) != 0;
+    lives->differences += !judged->is_same || !attempt_is_same(&judged->attempt, &lives->attempt);
 }
 
 static void judge(const struct living *l) {

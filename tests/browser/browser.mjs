@@ -9,7 +9,8 @@ import { kindsOfBatch, meshAck } from "./wire.mjs";
 
 const require = createRequire(import.meta.url);
 const AXE = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
-const PATIENCE_MS = 40_000;
+const PATIENCE_MS = 90_000; // ends what hangs: the processors draw the pictures, too
+const USUAL = { width: 1200, height: 750 }; // a small picture is drawn sooner
 export const SIZES = { wide: { width: 1440, height: 900 }, tablet: { width: 820, height: 1180 } };
 
 /** Where Chromium is; "" where it is not. */
@@ -64,7 +65,7 @@ export class Browser {
   }
 
   /** A browser of its own, signed in as whoever made `state`. */
-  async context(state, size = SIZES.wide) {
+  async context(state, size = USUAL) {
     const context = await this.#shared.chromium.newContext({ ignoreHTTPSErrors: true, viewport: size, storageState: state, reducedMotion: "reduce" });
     context.setDefaultTimeout(PATIENCE_MS);
     this.#contexts.set(context, state !== undefined);

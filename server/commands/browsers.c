@@ -122,7 +122,7 @@ static bool is_blind(void *user, const struct live_account *viewer_account, cons
 }
 
 struct blind_taker {
-    void (*take)(void *taker, const char *account, const char *trainee);
+    take_blind *take;
     void *taker;
 };
 
@@ -132,9 +132,7 @@ static void take_pair(void *user, const struct store_cell *cells, int count) {
         t->take(t->taker, cells[0].text, cells[1].text);
 }
 
-static bool each_blind(void *user,
-                       void (*take)(void *taker, const char *account, const char *trainee),
-                       void *taker) {
+static bool each_blind_pair(void *user, take_blind *take, void *taker) {
     const struct browsers *b = user;
     struct blind_taker blind = {take, taker};
     struct store *store;
@@ -264,7 +262,7 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
 
 static void open_live(struct browsers *b, struct sessions *sessions) {
     const struct live_config config = {
-        .user = b, .allowed = allowed, .is_blind = is_blind, .each_blind = each_blind};
+        .user = b, .allowed = allowed, .is_blind = is_blind, .each_blind = each_blind_pair};
     b->live = live_server_create(sessions, &config);
 }
 

@@ -13,3 +13,8 @@ struct live_account {
 
 bool is_trainee(const struct live_account *account);
 bool is_same_person(const struct live_account *a, const struct live_account *b);
+
+// Gives `take` each account that must not learn a trainee's name now, and that name. False where the
+// records do not say it: then nobody learns any. It may wait for the records.
+typedef void take_blind(void *taker, const char *account, const char *trainee);
+typedef bool each_blind(void *user, take_blind *take, void *taker);

@@ -4,7 +4,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/task_pool.h"
-#include "live/live.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,7 +29,7 @@ static void take(void *user, const char *account, const char *trainee) {
 
 static void read_pairs(struct blindness *b) {
     struct reading *r = alloc(1, sizeof *r);
-    bool known = b->config->each_blind(b->config->user, take, r) && !r->too_many;
+    bool known = b->each(b->user, take, r) && !r->too_many;
     if (r->too_many)
         log_error("live", "more than %d raters of exams that go on: pages may name their trainees",
                   BLIND_PAIRS_MAX);
@@ -51,10 +50,11 @@ static int64_t run(void *blindness) {
     return TASK_DONE;
 }
 
-void blindness_init(struct blindness *b, const struct live_config *config) {
-    b->config = config;
+void blindness_init(struct blindness *b, each_blind *each, void *user) {
+    b->each = each;
+    b->user = user;
     pthread_mutex_init(&b->mutex, NULL);
-    if (config->each_blind)
+    if (each)
         read_pairs(b);
 }
 
@@ -63,7 +63,7 @@ void blindness_fini(struct blindness *b) {
 }
 
 void blindness_renew(struct blindness *b, struct task_pool *pool, int64_t now_ns) {
-    if (!b->config->each_blind)
+    if (!b->each)
         return;
     pthread_mutex_lock(&b->mutex);
     bool due = !b->reading && now_ns - b->read_ns > RENEW_NS;
@@ -77,7 +77,7 @@ void blindness_renew(struct blindness *b, struct task_pool *pool, int64_t now_ns
 }
 
 bool is_blind_to(struct blindness *b, const char *account, const char *trainee) {
-    if (!b->config->each_blind || !trainee[0])
+    if (!b->each || !trainee[0])
         return false;
     pthread_mutex_lock(&b->mutex);
     bool blind = !b->known;

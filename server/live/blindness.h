@@ -3,17 +3,18 @@
 // records.
 #pragma once
 
+#include "live/account.h"
+
 #include <pthread.h>
-#include <stdbool.h>
 #include <stdint.h>
 
-struct live_config;
 struct task_pool;
 
 #define BLIND_PAIRS_MAX 1024
 
 struct blindness {
-    const struct live_config *config;
+    each_blind *each; // NULL: there are none
+    void *user;
     pthread_mutex_t mutex; // of all below
     bool known;            // since the list was first read; else everybody is blind
     bool reading;
@@ -24,7 +25,7 @@ struct blindness {
     } pairs[BLIND_PAIRS_MAX];
 };
 
-void blindness_init(struct blindness *blindness, const struct live_config *config); // reads once
+void blindness_init(struct blindness *blindness, each_blind *each, void *user); // reads once
 void blindness_fini(struct blindness *blindness);
 void blindness_renew(struct blindness *blindness, struct task_pool *pool, int64_t now_ns);
 // From any thread. A name that is empty is known to all.

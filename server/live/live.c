@@ -340,7 +340,7 @@ struct live_server *live_server_create(struct sessions *sessions,
         .threads = PLAYBACK_THREADS, .tasks_max = 2 * PLAYBACK_THREADS, .nice = PLAYBACK_NICE};
     live->sessions = sessions;
     live->config = *config;
-    blindness_init(&live->blindness, &live->config);
+    blindness_init(&live->blindness, live->config.each_blind, live->config.user);
     pthread_rwlock_init(&live->news_lock, NULL);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
         live->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));

@@ -27,10 +27,7 @@ struct live_config {
     bool (*allowed)(void *user, const struct live_account *account, const char *session);
     // Whether it must not learn whose session it is; NULL: it may. Called from that thread, too.
     bool (*is_blind)(void *user, const struct live_account *account, const char *session);
-    // Gives each account that must not learn a trainee's name now, and that name; false where the
-    // records do not say it: then nobody learns any. Called as is_blind. NULL: there are none.
-    bool (*each_blind)(void *user, void (*take)(void *taker, const char *account, const char *trainee),
-                       void *taker);
+    each_blind *each_blind; // called as is_blind; NULL: there are none
     // How long a page may take less than 64 KiB of a recorded session while other pages wait for
     // the thread that plays it; 0: 10 s.
     int patience_ms;

@@ -1,8 +1,7 @@
 // #/admin/PART: accounts, trainees, stations, cases, courses, the audit log, tokens.
-import type { ComponentType } from "preact";
 import { useEffect } from "preact/hooks";
 import type { Role } from "../api";
-import type { App, View } from "../app";
+import type { View } from "../app";
 import { Empty, view } from "../kit";
 import { routeTo } from "../router";
 import { text } from "../text";
@@ -10,12 +9,10 @@ import { Accounts } from "./admin/accounts";
 import { Audit } from "./admin/audit";
 import { Cases } from "./admin/cases";
 import { Courses } from "./admin/courses";
+import type { Part } from "./admin/part";
 import { Stations } from "./admin/stations";
 import { Tokens } from "./admin/tokens";
 import { Trainees } from "./admin/trainees";
-
-/** A part: its heading and its list. */
-export type Part = ComponentType<{ app: App }>;
 
 const PARTS: [name: keyof typeof text.admin.parts, part: Part, roles: Role[]][] = [
   ["stations", Stations, ["instructor", "technician"]],

@@ -3,7 +3,7 @@ import { part, type Role } from "../../api";
 import type { App } from "../../app";
 import { Badge, Button, confirm, Empty, Field, Head, Listing, openForm, RowButton, Select, toast, useLoaded } from "../../kit";
 import { format, text } from "../../text";
-import type { Part } from "../admin";
+import type { Part } from "./part";
 
 interface Listed {
   name: string;

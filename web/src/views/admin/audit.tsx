@@ -2,7 +2,7 @@ import { useSignal } from "@preact/signals";
 import { Button, Empty, Head, Listing, Select, useLoaded } from "../../kit";
 import { routeTo } from "../../router";
 import { format, text } from "../../text";
-import type { Part } from "../admin";
+import type { Part } from "./part";
 
 interface Entry {
   utc_s: number;

@@ -2,7 +2,7 @@ import { part } from "../../api";
 import type { App } from "../../app";
 import { Await, Badge, Empty, Head, Listing, openDialog, RowButton, Table, useLoaded } from "../../kit";
 import { format, text } from "../../text";
-import type { Part } from "../admin";
+import type { Part } from "./part";
 
 interface Case {
   name: string;

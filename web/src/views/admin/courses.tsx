@@ -5,7 +5,7 @@ import type { App } from "../../app";
 import { Await, Button, confirm, Empty, Field, Head, Listing, openDialog, openForm, RowButton, Select, toastFault, useLoaded } from "../../kit";
 import { routeTo } from "../../router";
 import { format, text } from "../../text";
-import type { Part } from "../admin";
+import type { Part } from "./part";
 
 interface Course {
   name: string;

@@ -1,7 +1,7 @@
 import { part } from "../../api";
 import { Badge, confirm, Empty, Head, Listing, RowButton, showSecret, toast, toastFault, useLoaded } from "../../kit";
 import { format, text } from "../../text";
-import type { Part } from "../admin";
+import type { Part } from "./part";
 
 interface Station {
   name: string;

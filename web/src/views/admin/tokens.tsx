@@ -2,7 +2,7 @@ import { part } from "../../api";
 import type { App } from "../../app";
 import { Badge, Button, confirm, Empty, Field, Head, Listing, openForm, RowButton, showSecret, useLoaded } from "../../kit";
 import { format, text } from "../../text";
-import type { Part } from "../admin";
+import type { Part } from "./part";
 
 interface Token {
   id: string | number;

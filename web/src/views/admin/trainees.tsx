@@ -3,7 +3,7 @@ import type { App } from "../../app";
 import { Button, confirm, Empty, Field, Head, Listing, openDialog, openForm, RowButton, showSecret, toast, toastFault, useLoaded } from "../../kit";
 import { routeTo } from "../../router";
 import { format, text } from "../../text";
-import type { Part } from "../admin";
+import type { Part } from "./part";
 
 interface Trainee {
   name: string;

@@ -55,13 +55,18 @@ static vec3 before_patella(double away_mm) {
     return vec3_add_scaled(landmark("patella"), away_mm, forward);
 }
 
+static bool shows(vec3 scope, vec3 at) {
+    struct site_eye eye = site_eye(&output, scope);
+    return site_sees(site, &eye, 0, at, &(struct site_hint){0});
+}
+
 // Of the landmark's places that the scope sees.
 static double over_shown(vec3 scope, double (*measure)(vec3 scope, vec3 shown), bool least) {
     const struct spot *spot = &site_goal(site, LAST)->see;
     double best = least ? INFINITY : -INFINITY;
     for (int i = 0; i < spot->shown_count; i++) {
         double now = measure(scope, spot->shown[i]);
-        if (site_sees(site, &output, 0, scope, spot->shown[i]))
+        if (shows(scope, spot->shown[i]))
             best = least ? fmin(best, now) : fmax(best, now);
     }
     return best;
@@ -101,7 +106,7 @@ static vec3 way_to_shown(void) {
     for (int i = 0; i < spot->shown_count; i++) {
         vec3 now = vec3_sub(spot->shown[i], scope);
         if (vec3_length(now) < vec3_length(way) &&
-            site_sees(site, &output, 0, scope, spot->shown[i]))
+            shows(scope, spot->shown[i]))
             way = now;
     }
     return vec3_unit_or(way, forward);

@@ -270,7 +270,7 @@ tool.scope = scope
   async withOwnStation(name, trainee, work) {
     await this.withConnected(name, async () => {
       await this.session("assign", name, trainee);
-      await this.session("stop", name).catch(() => {}); // one that began before
+      await this.session("stop", name, "--reason", "Another test begins.").catch(() => {}); // one that began before
       await this.#runs(name);
       await work();
     });

@@ -40,6 +40,7 @@ class Attack:
         self.until = time.monotonic() + PATIENCE_S
         self.browser.request("POST", "/sign-in", {"code": code})
         self.counts, self.open, self.lock = {}, 0, threading.Lock()
+        self.all_held_back = False
 
     def count(self, name):
         with self.lock:
@@ -73,7 +74,7 @@ class Attack:
             self.opened(-1)
 
     def request(self, method, path, body, name, cookie=None):
-        """Again and again."""
+        """Again and again; until all that is held back was, what was leaves the others the processor."""
         connection = http.client.HTTPSConnection("localhost", self.browser.port, context=self.browser.tls, timeout=20)
         headers = {"Origin": f"https://localhost:{self.browser.port}", "Cookie": cookie or self.browser.cookie}
         while self.goes_on():
@@ -82,6 +83,8 @@ class Attack:
                 answer = connection.getresponse()
                 answer.read()
                 self.count(f"{name} {answer.status}")
+                if answer.status in (429, 503) and not self.all_held_back:
+                    time.sleep(0.2)
             except (OSError, http.client.HTTPException):
                 connection.close()
                 time.sleep(0.1)
@@ -116,6 +119,7 @@ class Attack:
             threading.Thread(target=work, args=arguments, daemon=True).start()
         while self.goes_on() and not all(self.counts.get(name) for name in HELD_BACK):
             time.sleep(0.05)
+        self.all_held_back = True
         self.until = time.monotonic() + self.seconds
         print("begun", flush=True)
         time.sleep(self.seconds)

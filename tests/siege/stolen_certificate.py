@@ -20,6 +20,7 @@ VISITS = 64
 FRAMES_PER_S = 50000 if FULL else 10000  # over each way; Python may not get that far
 ASKS_PER_S = 200
 BEFORE_S, AFTER_S = (20, 10) if FULL else (2.5, 2.5)  # the revocation
+PATIENCE_S = 60  # for it
 END_OF_STEPS_S = 1
 LOG_BYTES_MAX = 1 << 20
 
@@ -113,7 +114,12 @@ class Thief:
         struct.pack_into("<Q", frame, 10, time.monotonic_ns())
         return bytes(frame)
 
-    def flood_udp(self, until):
+    def goes_on(self):
+        """Until some time after the server ended the connection."""
+        now = time.monotonic()
+        return now < self.closed_s + AFTER_S if self.closed_s else now < self.until
+
+    def flood_udp(self):
         from cryptography.hazmat.primitives.ciphers.aead import AESGCM
         cipher, iv = AESGCM(self.keys.key_to_server), self.keys.iv_to_server
         tail = int.from_bytes(iv[4:], "big")
@@ -121,7 +127,7 @@ class Thief:
         out.setblocking(False)
         out.connect(("127.0.0.1", self.keys.port))
         frame, sequence, begun = self.template(), 0, time.monotonic()
-        while time.monotonic() < until:
+        while self.goes_on():
             for _ in range(50):
                 header = struct.pack(">BBBBIQ", 1, 1, self.keys.epoch, 0, self.keys.connection, sequence)
                 nonce = iv[:4] + (tail ^ sequence).to_bytes(8, "big")
@@ -141,7 +147,7 @@ class Thief:
         except (BlockingIOError, ConnectionRefusedError):
             pass
 
-    def flood_tcp(self, until):
+    def flood_tcp(self):
         """Frames and asks, and answers to pings, until the server ends the connection."""
         frame, begun, head = self.template(), time.monotonic(), b""
         control = self.pb.Control(frame=self.pb.Frame.FromString(bytes(frame))).SerializeToString()
@@ -149,7 +155,7 @@ class Thief:
         ask = self.pb.Control(mesh_ask=self.pb.MeshAsk(have=[self.pb.MeshState(group="meniscus_medial", number=7,
                                                                                hash=7)])).SerializeToString()
         try:
-            while time.monotonic() < until:
+            while self.goes_on():
                 batch = [head + self.next_frame(frame) for _ in range(50)]
                 asks = int((time.monotonic() - begun) * ASKS_PER_S) - self.sent["asks"]
                 self.socket.socket.settimeout(10)
@@ -168,19 +174,21 @@ def framed(data):
     return b"\x82" + size + bytes(4) + data
 
 
-def attack(port, keys, seconds):
+def attack(port, keys):
+    os.nice(19)  # as if it were at another machine: it takes no processor that the server wants
     thief = Thief(int(port), keys)
     while not thief.keys:
         thief.hear(0.05)
     print(json.dumps({"visits": thief.visit()}), flush=True)
-    until = time.monotonic() + float(seconds)
-    threads = [threading.Thread(target=flood, args=(until,)) for flood in (thief.flood_udp, thief.flood_tcp)]
+    begun = time.monotonic()
+    thief.until = begun + BEFORE_S + PATIENCE_S
+    threads = [threading.Thread(target=flood) for flood in (thief.flood_udp, thief.flood_tcp)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    print(json.dumps({**thief.sent, "last_reply_s": thief.last_reply_s, "closed_s": thief.closed_s,
-                      "renewed": thief.renew()}), flush=True)
+    print(json.dumps({**thief.sent, "seconds": time.monotonic() - begun, "last_reply_s": thief.last_reply_s,
+                      "closed_s": thief.closed_s, "renewed": thief.renew()}), flush=True)
 
 
 # ---- the siege -------------------------------------------------------------------------------------
@@ -212,19 +220,19 @@ class StolenCertificate(Siege):
         at_rest = self.tell("calm", calm)
 
         log_bytes = os.path.getsize(server.log_path)
-        thief = self.attack(self.port, self.path("keys-room-2"), BEFORE_S + AFTER_S)
+        thief = self.attack(self.port, self.path("keys-room-2"))
         visits = json.loads(thief.stdout.readline())["visits"]
         others = self.honest("others", BEFORE_S)
         others.process.wait(timeout=60)
         call("arthron-server", "keys", "revoke", self.keys, "room-2")
         revoked_s = time.monotonic()
-        thief.wait(timeout=60)
+        thief.wait(timeout=PATIENCE_S + AFTER_S + 20)
         said = json.loads(end(thief))
 
         during = self.tell("besieged", others)
         self.figure("visits open of 64", visits)
-        seconds = BEFORE_S + AFTER_S
-        self.figure("frames a second by UDP and TCP", f"{said['udp'] / seconds:.0f} and {said['tcp'] / seconds:.0f}")
+        rates = [said[way] / said["seconds"] for way in ("udp", "tcp")]
+        self.figure("frames a second by UDP and TCP", "{:.0f} and {:.0f}".format(*rates))
         self.figure("asks for meshes", said["asks"])
         self.figure("last reply after the revocation", said["last_reply_s"] - revoked_s, "s")
         self.figure("its trace", self.trace_bytes() / 1e6, "MB")

@@ -6,6 +6,7 @@ import os
 import signal
 import sqlite3
 import unittest
+from contextlib import closing
 
 from arthron import CASES, SystemTest, call, call_json, wait_until
 
@@ -64,7 +65,7 @@ class Attempts(SystemTest):
         self.server.end(signal.SIGKILL)
         self.restart()
         wait_until("its end", lambda: "attempt 1 at two-looks" in self.server.log(), 60)
-        with sqlite3.connect(self.path("records.db")) as records:
+        with closing(sqlite3.connect(self.path("records.db"))) as records, records:
             records.execute("INSERT INTO pass_mark VALUES ('two-looks', 1, 1, 'by hand', 'for a test', 40, 0, 0)")
             records.execute("INSERT INTO pass_mark VALUES ('two-looks', 2, 2, 'by hand', 'of another', 50, 0, 0)")
         exam = self.session_command("begin", "room-1", "two-looks", "--exam", code=1)
@@ -81,7 +82,7 @@ class Attempts(SystemTest):
         self.assertEqual((third["end"], third["number"]), ("stopped", 3))
         self.assertTrue(all(one["same"] for one in (first, second, third)))
         self.assertEqual((first["mark_version"], second["mark_version"]), (0, 1))
-        with sqlite3.connect(self.path("records.db")) as records:
+        with closing(sqlite3.connect(self.path("records.db"))) as records:
             rows = records.execute("SELECT number, task, verdict, errors, goals_met, mark_version, pass_time_s "
                                    "FROM attempt ORDER BY number").fetchall()
         self.assertEqual([row[2] for row in rows], [one["verdict"] for one in (first, second, third)])
@@ -94,7 +95,7 @@ class Attempts(SystemTest):
 
     def rows(self):
         try:
-            with sqlite3.connect(f"file:{self.path('records.db')}?mode=ro", uri=True) as records:
+            with closing(sqlite3.connect(f"file:{self.path('records.db')}?mode=ro", uri=True)) as records:
                 return records.execute("SELECT s.uuid, a.* FROM attempt a JOIN session s ON s.id = a.session_id "
                                        "ORDER BY number").fetchall()
         except sqlite3.OperationalError:  # they are just made

@@ -120,14 +120,13 @@ class Loose(SystemTest):
         self.start_mockup()
         server = self.start_server(stations=f"[case loose-bodies]\ndir = {CASE}\n[station room-1]\ncase = loose-bodies\n")
         self.enrol("room-1")
-        self.start_station("room-1").wait_for_log("/view?token=")
         browser = Browser(self.web_port, self.path("keys/authority.pem"))
         browser.first(server.log())
         page = browser.page()
         page.watch(STATION, station="room-1")
-        wait_until("a session", lambda: self.sessions() and self.session()["steps"] > 100)
-        trace = self.session()["trace"]
+        self.start_station("room-1").wait_for_log("/view?token=")
         seen = self.seen_by_a_viewer()
+        trace = self.session()["trace"]
 
         def judged():
             return call_json("arthron-trace", "judge", trace, "--task", task, code=None)

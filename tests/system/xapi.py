@@ -6,6 +6,7 @@ import http.server
 import json
 import os
 import signal
+import socket
 import sqlite3
 import ssl
 import subprocess
@@ -103,12 +104,13 @@ class Answer(http.server.BaseHTTPRequestHandler):
         self.say(429)
 
     def die(self, sent):
-        self.connection.close()
+        self.connection.shutdown(socket.SHUT_RDWR)  # close() would wait for the files that read and write it
+        self.close_connection = True
 
     def die_when_taken(self, sent):
         for statement in sent:
             self.server.statements.setdefault(statement["id"], statement)
-        self.connection.close()
+        self.die(sent)
 
     def move(self, sent):
         self.send_response(302)
@@ -321,7 +323,7 @@ class Xapi(Asking):
             records.execute("INSERT INTO exam_task (exam_id, position, task, knee_case) VALUES (1, 0, 'look', 'healthy')")
         for more in ((), ("--exam",), ("--left",)):
             self.session_command("begin", "room-1", "look", *more)
-            self.session_command("leave", "room-1")
+            self.session_command("leave", "room-1", "--reason", "It is enough.")
         wait_until("both statements", lambda: len(store.statements) == 2)
         self.session_command("stop", "room-1")
         wait_until("its end", lambda: "'closed'" in str(self.states()))

@@ -1,7 +1,7 @@
 // #/station/NAME: one station's session, as it happens.
 import { effect, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { AttemptState_End, AttemptState_Purpose, SessionState, type LiveSession } from "wire";
+import { AttemptState_End, AttemptState_Purpose, SessionState, type AttemptState, type LiveSession } from "wire";
 import type { App, View } from "../app";
 import { Dashboard } from "../dashboard";
 import { STATE } from "../history";
@@ -29,10 +29,13 @@ class Station {
   readonly controls: SessionControls | undefined; // of an instructor
   readonly began: number;
   heard = 0; // when the last moment came
+  private attempt: AttemptState | undefined; // the last that was told
+  private readonly deaf: () => void;
 
   constructor(readonly app: App, readonly name: string) {
     this.began = app.feed.now();
     const source = (this.source = FeedSource.live(app.feed, name, RATE_HZ));
+    this.deaf = app.feed.on("attempt", (attempt) => void (this.attempt = attempt)); // it may come before the page is drawn
     this.dashboard = new Dashboard(source, { onMarker: (marker) => this.controls?.placeMarker(marker) });
     this.controls = app.account?.role === "instructor" ? new SessionControls(app, {
       station: name, case: () => source.session?.caseName ?? "", strength: () => source.session?.strength ?? 1, trainee: () => source.session?.trainee ?? "",
@@ -40,6 +43,7 @@ class Station {
   }
 
   close(): void {
+    this.deaf();
     this.dashboard.close();
     this.source.close();
   }
@@ -47,6 +51,12 @@ class Station {
   get state(): SessionState | undefined {
     const { history } = this.source;
     return history.count ? history.value(history.count - 1, STATE) : undefined;
+  }
+
+  get inExam(): boolean {
+    const { attempt, source: { session } } = this;
+    return attempt !== undefined && attempt.stationNumber === session?.stationNumber
+      && attempt.purpose === AttemptState_Purpose.EXAM && attempt.end === AttemptState_End.RUNS;
   }
 
   /** For how long nothing is heard, and in which words; undefined: what is shown is how it is. */
@@ -112,8 +122,11 @@ function useChanges(own: Station): void {
   const show = (): void => {
     const { controls, source, app } = own;
     controls?.setReachable(app.feed.lostMs() === undefined);
-    if (controls) controls.state.value = own.state;
-    if (controls) controls.marker.value = markerAt(source, Infinity);
+    if (controls) {
+      controls.state.value = own.state;
+      controls.marker.value = markerAt(source, Infinity);
+      controls.exam.value = own.inExam;
+    }
     tick.value++;
   };
   useEffect(() => {
@@ -122,10 +135,7 @@ function useChanges(own: Station): void {
         if (change === "moment") own.heard = own.app.feed.now();
         if (change !== "moment" || own.controls?.state.peek() !== own.state) show();
       }),
-      own.app.feed.on("attempt", ({ stationNumber, purpose, end }) => {
-        if (own.controls && stationNumber === own.source.session?.stationNumber)
-          own.controls.exam.value = purpose === AttemptState_Purpose.EXAM && end === AttemptState_End.RUNS;
-      }),
+      own.app.feed.on("attempt", show),
       own.app.feed.onLink(show),
     ];
     return () => ends.forEach((end) => end());

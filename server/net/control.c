@@ -277,9 +277,11 @@ static int write_message(struct peer *peer, uint8_t *bytes, size_t size) {
 
 static int write_next(struct peer *peer) {
     struct outgoing out;
+    if (peer->left)
+        return 0;
     if (peer->done) {
-        lws_close_reason(peer->wsi, LWS_CLOSE_STATUS_POLICY_VIOLATION, NULL, 0);
-        return -1;
+        peer->left = true;
+        return ws_close(peer->wsi, LWS_CLOSE_STATUS_POLICY_VIOLATION);
     }
     if (next_message(peer, &out)) {
         peer->done = out.last;
@@ -313,6 +315,8 @@ static int on_peer(struct lws *wsi, enum lws_callback_reasons reason, void *user
         return receive(user, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
         return write_next(user);
+    case LWS_CALLBACK_WS_PEER_INITIATED_CLOSE:
+        return ws_closed(wsi, ((struct peer *)user)->left);
     case LWS_CALLBACK_TIMER:
         return tick(user);
     case LWS_CALLBACK_CLOSED:

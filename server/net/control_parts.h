@@ -34,6 +34,7 @@ struct peer {
     bool agreed;  // Hello was good: it has a slot
     bool closing; // sends its last message, and receives nothing any more
     bool done;    // has sent it
+    bool left;    // and its close frame
     bool slows;   // sends too fast: from the next turn on
     bool slowed;  // nothing of it is read
     struct control_peer handle;

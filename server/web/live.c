@@ -60,6 +60,13 @@ static void stop_writing(struct web_connection *c) {
     c->live->open = false;
 }
 
+static int close_now(struct web_connection *c) {
+    if (!c->live->open)
+        return 0;
+    stop_writing(c);
+    return ws_close(c->socket, c->live->closing);
+}
+
 void live_end(struct web_connection *c) {
     if (!c->live)
         return;
@@ -200,9 +207,7 @@ static int refuse(struct web_connection *c, enum close_status status, const char
     log_warning("web", "%s (%s): %s", c->address, c->live->account.name, text);
     c->live->closing = (int)status;
     leave(c);
-    lws_close_reason(c->socket, (enum lws_close_status)status, NULL, 0);
-    stop_writing(c);
-    return -1;
+    return close_now(c);
 }
 
 static int take_message(struct web_connection *c) {
@@ -252,11 +257,8 @@ int live_receive(struct web_connection *c, const void *bytes, size_t size) {
 int live_write(struct web_connection *c) {
     const struct web_handler *handler = &c->web->handler;
     struct live_socket *live = c->live;
-    if (live->closing) {
-        lws_close_reason(c->socket, (enum lws_close_status)live->closing, NULL, 0);
-        stop_writing(c);
-        return -1;
-    }
+    if (live->closing)
+        return close_now(c);
     int64_t now_ns = clock_now_ns();
     if (!takes_more(live) || live->next_ns > now_ns)
         return 0;

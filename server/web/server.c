@@ -143,6 +143,8 @@ static int on_live(struct lws *socket, enum lws_callback_reasons reason, void *u
         return live_receive(connection, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
         return live_write(connection);
+    case LWS_CALLBACK_WS_PEER_INITIATED_CLOSE:
+        return ws_closed(socket, connection->live && connection->live->closing);
     default:
         return 0;
     }

@@ -17,6 +17,8 @@
 
 #define GOODBYE_US (500 * LWS_US_PER_MS)
 #define LOOK_AGAIN_US LWS_US_PER_SEC
+#define CLOSE_S 1
+#define WRITE_CLOSE ((enum lws_write_protocol)4) // libwebsockets' own name for it is not public
 #define UNSENT_MAX 16384
 #define ENOUGH_DESCRIPTORS 1024
 #define SHARES 5 // stations, traces, browsers, the console, all else
@@ -195,6 +197,24 @@ int ws_server_port(const struct ws_server *server) {
 
 struct lws_context *ws_server_context(const struct ws_server *server) {
     return server->context;
+}
+
+static int say_close(struct lws *socket, int status) {
+    uint8_t frame[LWS_PRE + 2], *bytes = frame + LWS_PRE;
+    bytes[0] = (uint8_t)(status >> 8);
+    bytes[1] = (uint8_t)status;
+    return lws_write(socket, bytes, 2, WRITE_CLOSE) < 2 ? -1 : 0;
+}
+
+int ws_close(struct lws *socket, int status) {
+    lws_set_timeout(socket, PENDING_TIMEOUT_USER_OK, CLOSE_S);
+    return say_close(socket, status);
+}
+
+int ws_closed(struct lws *socket, bool closes) {
+    if (!closes)
+        say_close(socket, LWS_CLOSE_STATUS_NORMAL);
+    return -1;
 }
 
 void ws_keep_queue_short(struct lws *socket) {

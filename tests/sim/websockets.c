@@ -310,14 +310,19 @@ void lws_set_timer_usecs(struct lws *wsi, lws_usec_t us) {
 
 void lws_set_timeout(struct lws *wsi, enum pending_timeout reason, int seconds) {
     (void)reason;
-    CHECK(seconds == LWS_TO_KILL_ASYNC);
+    if (seconds != LWS_TO_KILL_ASYNC)
+        return; // until the other side's close frame, which comes at once
     wsi->kill = true;
     stir(wsi->context);
 }
 
 int lws_write(struct lws *wsi, unsigned char *bytes, size_t size, enum lws_write_protocol kind) {
-    (void)kind;
-    stream_send(wsi->stream, bytes, size);
+    if (kind > LWS_WRITE_BINARY) { // a close frame
+        wsi->kill = true;
+        stir(wsi->context);
+    } else {
+        stream_send(wsi->stream, bytes, size);
+    }
     return (int)size;
 }
 

@@ -272,7 +272,11 @@ tool.scope = scope
       await this.session("assign", name, trainee);
       await this.session("stop", name, "--reason", "Another test begins.").catch(() => {}); // one that began before
       await this.#runs(name);
-      await work();
+      try {
+        await work();
+      } finally {
+        await this.session("stop", name, "--reason", "A test is over.").catch(() => {}); // it ended
+      }
     });
   }
 

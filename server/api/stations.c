@@ -1,9 +1,11 @@
+#include "api/attempts.h"
 #include "api/routes.h"
 #include "base/attempt_words.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "net/authority.h"
+#include "store/exams.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,17 +26,29 @@ void get_server(struct api_call *call) {
 
 // ---- stations -----------------------------------------------------------------------------------
 
+// A rater of an exam that goes on is not told that its trainee stands there. A refusal counts as
+// such.
+static bool is_blind_to(struct api_call *call, const char *trainee) {
+    struct error err = {""};
+    bool blind = false;
+    if (!attempt_rater(call))
+        return false;
+    enum result result = store_is_blind_to(call->store, attempt_rater(call), trainee, &blind, &err);
+    return !call_check(call, result, &err) || blind;
+}
+
 static json_t *station_json(struct api_call *call, const struct api_station *station) {
     int64_t until_s = 0;
     struct error err;
     if (authority_station_until(call->api->config.keys_dir, station->name, &until_s, &err) !=
         RESULT_OK)
         log_error("api", "%s", err.text);
-    return json_pack("{s:o, s:o, s:o, s:s, s:b, s:o}", "name", call_string(station->name), "case",
-                     call_string(station->case_name), "trainee", call_string(station->trainee),
-                     "start", station->start_by_command ? "command" : "auto", "enrolled",
-                     until_s > 0, "certificate_until_utc_s",
-                     until_s ? json_integer(until_s) : json_null());
+    return json_pack(
+        "{s:o, s:o, s:o, s:s, s:b, s:o}", "name", call_string(station->name), "case",
+        call_string(station->case_name), "trainee",
+        is_blind_to(call, station->trainee) ? json_null() : call_string(station->trainee), "start",
+        station->start_by_command ? "command" : "auto", "enrolled", until_s > 0,
+        "certificate_until_utc_s", until_s ? json_integer(until_s) : json_null());
 }
 
 void get_stations(struct api_call *call) {
@@ -42,7 +56,10 @@ void get_stations(struct api_call *call) {
     json_t *stations = json_array();
     for (int i = 0; i < config->station_count; i++)
         json_array_append_new(stations, station_json(call, &config->stations[i]));
-    call_answer(call, 200, json_pack("{s:o}", "stations", stations));
+    if (call->response->status) // refused
+        json_decref(stations);
+    else
+        call_answer(call, 200, json_pack("{s:o}", "stations", stations));
 }
 
 // Its name in the config; NULL: there is none.

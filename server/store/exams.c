@@ -262,6 +262,17 @@ enum result store_is_blind_to_exam(struct store *store, const char *account, int
                      out_is);
 }
 
+enum result store_is_blind_to(struct store *store, const char *account, const char *trainee,
+                              bool *out_is, struct error *err) {
+    int64_t found;
+    return answer_if(store_find(store,
+                                "SELECT 1 FROM exam e JOIN trainee t ON t.id = e.trainee_id "
+                                "WHERE t.name = ?1 AND e.state IN ('begun', 'done') AND "
+                                "e.id IN " STORE_BLIND_EXAMS("?2"),
+                                &found, err, "tt", trainee, account),
+                     out_is);
+}
+
 enum result store_blind_pairs(struct store *store, store_row_handler take, void *user,
                               struct error *err) {
     sqlite3_stmt *statement;

@@ -86,6 +86,10 @@ enum result store_is_blind(struct store *store, const char *account, const char 
 enum result store_is_blind_to_exam(struct store *store, const char *account, int64_t exam,
                                    bool *out_is, struct error *err);
 
+// Whether the account is to rate an exam of the trainee that goes on, or is done and not released.
+enum result store_is_blind_to(struct store *store, const char *account, const char *trainee,
+                              bool *out_is, struct error *err);
+
 // account, trainee: who is to rate an exam that goes on, or is done and not released, and whose it
 // is.
 enum result store_blind_pairs(struct store *store, store_row_handler take, void *user,

@@ -507,8 +507,13 @@ static void raters_know_neither_the_trainee_nor_each_other(void **state) {
     (void)state;
     add_instructor("rita");
     add_instructor("rob");
-    static const char *const paths[] = {
-        "/exams/1", "/exams", "/attempts", "/rate", "/sessions/" SESSION_ADA, "/sessions"};
+    static const char *const paths[] = {"/exams/1",
+                                        "/exams",
+                                        "/attempts",
+                                        "/rate",
+                                        "/stations",
+                                        "/sessions",
+                                        "/sessions/" SESSION_ADA};
     plan_exam(",\"raters\":[\"rita\",\"rob\"]");
     begin_exam();
     passed("probing", "right"); // of the same session
@@ -527,6 +532,8 @@ static void raters_know_neither_the_trainee_nor_each_other(void **state) {
         must(200, "GET", oracles[i], token_of("grace"), NULL);
         assert_true(strstr(answer.body, SESSION_ADA) || strstr(answer.body, "\"Final"));
     }
+    must(200, "GET", "/stations", token_of("grace"), NULL);
+    assert_string_equal(text_at("stations.0.trainee"), "ada");
     must(200, "GET", "/exams/1", token_of("rita"), NULL);
     assert_string_equal(text_at("exam.items.0.verdict"), "(none)");
     must(200, "GET", "/attempts?purpose=exam", token_of("rita"), NULL);

@@ -6,7 +6,7 @@ import type { Part } from "./part";
 interface Station {
   name: string;
   case: string;
-  trainee: string;
+  trainee: string | null;
   start: string;
   enrolled: boolean;
   certificate_until_utc_s: number | null;

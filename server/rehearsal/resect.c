@@ -168,11 +168,9 @@ static bool is_met(const struct surgeon *s) {
     return play_attempt(s->p->play)->goals[s->index].met;
 }
 
-// With something to spare.
 static bool is_enough(const struct surgeon *s) {
     const struct quality_report *report = report_of(s);
-    return attempt_has_cut(s) &&
-           report->under_mm3 <= 0.9 * s->goal->under_share * report->planned_mm3;
+    return attempt_has_cut(s) && report->under_mm3 <= s->goal->under_share * report->planned_mm3;
 }
 
 static bool find_bite(struct surgeon *s, struct bite *out) {

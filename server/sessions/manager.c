@@ -135,6 +135,7 @@ static void take_notice(struct sessions *s, const struct runtime_notice *notice)
                          .sessions = s, .station = notice->station, .attempt = notice->attempt});
         break;
     case NOTICE_ENDED:
+        station_slot_set_ended(slot, notice->session);
         give_task(s, (struct station_task){.sessions = s,
                                            .station = notice->station,
                                            .ended = notice->ended,

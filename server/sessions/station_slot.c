@@ -255,6 +255,22 @@ bool station_slot_wait_tissues(struct station_slot *slot, int64_t until_ns) {
     return waits;
 }
 
+void station_slot_set_ended(struct station_slot *slot, uint64_t session) {
+    begin(slot);
+    slot->ended = session;
+    end(slot);
+}
+
+bool station_slot_wait_ended(struct station_slot *slot, uint64_t session, int64_t until_ns) {
+    bool waits = true;
+    begin(slot);
+    while (slot->ended != session)
+        if (!(waits = wait_on(slot, until_ns)))
+            break;
+    pthread_mutex_unlock(&slot->lock);
+    return waits;
+}
+
 uint64_t station_slot_new_ticket(struct station_slot *slot) {
     pthread_mutex_lock(&slot->lock);
     uint64_t ticket = ++slot->ticket;

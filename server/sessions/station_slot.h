@@ -86,6 +86,7 @@ struct station_slot {
     struct marker_list markers; // too
     uint64_t ticket, taken;     // the last ticket, the last one that the worker answered
     bool taken_done;
+    uint64_t ended; // serial of the last session that its cut worker gave back
     struct {
         bool awaited;     // a thread waits for the answer
         bool pending;     // the worker has not answered
@@ -156,6 +157,9 @@ void station_slot_set_clock(struct station_slot *slot, int64_t rtt_ns, int64_t u
 bool station_slot_wait_open(struct station_slot *slot, int64_t until_ns);
 // Until runtime_tissues reports on the last session, or the session has ended.
 bool station_slot_wait_tissues(struct station_slot *slot, int64_t until_ns);
+// Until runtime_tissues reports on all jobs of this session, which has been stopped.
+bool station_slot_wait_ended(struct station_slot *slot, uint64_t session, int64_t until_ns);
+void station_slot_set_ended(struct station_slot *slot, uint64_t session);
 
 // A number for a request to the worker. station_slot_set_taken answers it. One at a time, under the
 // command lock.

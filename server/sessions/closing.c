@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define NICE 15
+#define NICE 10 // behind workers
 #define AT_THE_END_BYTES (64 << 20) // of a trace that is still closed while the server ends
 
 // ---- how far it goes ----------------------------------------------------------------------------

@@ -22,7 +22,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define NICE 15
+#define NICE 10 // behind workers; somebody waits for it
 
 struct fork {
     struct sessions *sessions;

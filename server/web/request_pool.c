@@ -9,7 +9,7 @@
 
 #define THREADS 2
 #define SLOW_THREADS 3
-#define SLOW_NICE 19    // far behind steps and cuts
+#define SLOW_NICE 15    // behind steps, cuts and reports
 #define URGENT_MAX 4096 // one of each connection, and those of connections that have ended
 
 struct request_pool {

@@ -73,7 +73,7 @@ async function attempt({ name, run }, world) {
   await browser.closeAll();
   const seconds = Number(((performance.now() - begun) / 1000).toFixed(1));
   say(`${fault ? "FAILED" : "passed"} ${seconds.toFixed(1).padStart(5)} s  ${name}${fault ? `\n${fault.stack}` : ""}`);
-  return { name, seconds, passed: !fault };
+  return { name, seconds, passed: !fault, ...(fault && { why: fault.message.split("\n")[0] }) };
 }
 
 async function main() {

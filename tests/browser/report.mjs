@@ -28,7 +28,7 @@ export class Report {
   faults(strict) {
     const missed = this.marks.filter(({ name, holds }) => !holds && (strict || !this.#strict.has(name)));
     const failed = [...this.#lastAttempts().values()].filter(({ passed }) => !passed);
-    return [...missed.map(({ name, value, mark }) => `missed: ${name} is ${value}, and may be ${mark}`), ...failed.map(({ name }) => `failed: ${name}`)];
+    return [...missed.map(({ name, value, mark }) => `missed: ${name} is ${value}, and may be ${mark}`), ...failed.map(({ name, why }) => `failed: ${name}${why ? `: ${why}` : ""}`)];
   }
 
   #lastAttempts() {

@@ -176,6 +176,17 @@ static void a_wait_ends_by_its_time_by_its_answer_or_by_a_break_off(void **state
     assert_false(station_slot_wait_taken(&slot, ticket, clock_now_ns() + 3600 * NS_PER_S, &done));
 }
 
+static void a_session_has_ended_once_its_cut_worker_gave_it_back(void **state) {
+    (void)state;
+    assert_true(station_slot_claim(&slot, NULL));
+    attach(7);
+    station_slot_set_state(&slot, 7, SESSION_CLOSED);
+    assert_false(station_slot_wait_ended(&slot, 7, clock_now_ns() + NS_PER_MS));
+    station_slot_set_ended(&slot, 7);
+    assert_true(station_slot_wait_ended(&slot, 7, clock_now_ns() + NS_PER_MS));
+    assert_false(station_slot_wait_ended(&slot, 8, clock_now_ns() + NS_PER_MS));
+}
+
 static void an_undo_is_answered_by_all_of_its_jobs(void **state) {
     (void)state;
     struct undo_answer undone, one = {JOB_DONE, 2, 10};
@@ -236,6 +247,7 @@ int main(void) {
         SLOT_TEST(a_station_is_connected_from_one_place),
         SLOT_TEST(waiting_for_a_session_ends_when_its_worker_has_it),
         SLOT_TEST(a_wait_ends_by_its_time_by_its_answer_or_by_a_break_off),
+        SLOT_TEST(a_session_has_ended_once_its_cut_worker_gave_it_back),
         SLOT_TEST(an_undo_is_answered_by_all_of_its_jobs),
         SLOT_TEST(an_answer_to_an_undo_that_was_given_up_is_no_other_ones),
         SLOT_TEST(an_undo_ends_unanswered_with_its_session),

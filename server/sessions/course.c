@@ -58,13 +58,12 @@ bool course_stop(struct sessions *s, int station, arthron_CommandReply *reply) {
     if (status.phase == SLOT_EMPTY)
         return reply->ok = true;
     station_slot_ending(slot);
-    if (course_input(s, station, INPUT_STOP, SESSION_CLOSED, reply)) {
-        station_slot_wait_ended(slot, status.about.serial, clock_now_ns() + INPUT_WAIT_NS);
-        return true;
+    if (!course_input(s, station, INPUT_STOP, SESSION_CLOSED, reply)) {
+        if (station_slot_goes_on(slot))
+            return false;
+        reply->text[0] = '\0';
+        reply->has_why = false;
     }
-    if (station_slot_goes_on(slot))
-        return reply->ok;
-    reply->text[0] = '\0';
-    reply->has_why = false;
+    station_slot_wait_ended(slot, status.about.serial, clock_now_ns() + INPUT_WAIT_NS);
     return reply->ok = true;
 }

@@ -11,5 +11,6 @@ bool course_input(struct sessions *sessions, int station, enum input_kind kind,
 // Opens a session where there is none. False: the reply says why not.
 bool course_open(struct sessions *sessions, int station, arthron_CommandReply *reply);
 
-// Ends the session, if there is one; no other begins by itself.
+// Ends the session, if there is one; no other begins by itself. Then runtime_tissues reports on its
+// last cut, unless the cut worker is too busy for 5 s.
 bool course_stop(struct sessions *sessions, int station, arthron_CommandReply *reply);

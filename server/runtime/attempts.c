@@ -7,8 +7,7 @@
 // ---- what others learn --------------------------------------------------------------------------
 
 void attempts_announce(struct worker *worker, const struct station_runtime *station) {
-    if (!station->connection.connected || !station->connection.clock_known ||
-        !station->attempt_shown.state.number)
+    if (!station->connection.connected || !station->connection.clock_known || !station->session)
         return;
     arthron_Control message = {.which_message = arthron_Control_attempt_tag};
     message.message.attempt = station->attempt_shown.state;
@@ -62,8 +61,10 @@ void attempts_begin(struct worker *worker, struct station_runtime *station) {
                                                    .news = station->attempt_shown.news + 1};
     newest_put(station->attempts, &station->attempt_shown);
     end_lost(station->session);
-    if (!attempt)
+    if (!attempt) {
+        attempts_announce(worker, station);
         return;
+    }
     tell(worker, station);
     if (attempt->attempt.end != ATTEMPT_RUNS) // the server was killed before it could say so
         end(worker, station, false);

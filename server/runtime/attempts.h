@@ -18,5 +18,5 @@ bool attempts_leave(struct worker *worker, struct station_runtime *station, bool
 void attempts_step(struct worker *worker, struct station_runtime *station,
                    const struct session_input *input, const struct session_output *output);
 
-// To a station that is new here.
+// To a station that is new here, or whose session is: the last attempt, or that there was none.
 void attempts_announce(struct worker *worker, const struct station_runtime *station);

@@ -39,9 +39,19 @@ _Static_assert((int)arthron_Knee_Side_LEFT == (int)SIDE_LEFT &&
 _Static_assert(sizeof((arthron_Hello){0}.devices) / sizeof(arthron_Device) == WIRE_DEVICES_MAX,
                "every device can be named in Hello");
 _Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX &&
-                   arthron_Console_size <= WIRE_CONSOLE_MAX && arthron_View_size <= WIRE_VIEW_MAX &&
-                   arthron_Page_size <= WIRE_PAGE_MAX,
+                   arthron_Console_size <= WIRE_CONSOLE_MAX && arthron_Page_size <= WIRE_PAGE_MAX,
                "every message of ours is within its limit");
+
+#define REPEATED_OVERHEAD 2 // tag and length
+#define VIEW_GOALS_SIZE                                                                            \
+    (sizeof((arthron_ViewAttempt){0}.goals) / sizeof(arthron_AttemptGoal) *                        \
+     (arthron_AttemptGoal_size + REPEATED_OVERHEAD))
+#define VIEW_ERRORS_SIZE                                                                           \
+    (sizeof((arthron_ViewAttempt){0}.errors) / sizeof(arthron_AttemptError) *                      \
+     (arthron_AttemptError_size + REPEATED_OVERHEAD))
+
+_Static_assert(arthron_View_size - VIEW_GOALS_SIZE - VIEW_ERRORS_SIZE <= WIRE_VIEW_MAX,
+               "a View without goals and errors is within its limit");
 
 #define CHUNK_TAG 15 // of mesh_chunk in Control
 #define CHUNK_OVERHEAD 4

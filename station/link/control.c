@@ -244,8 +244,10 @@ static int hear_welcomed(struct link *link, const arthron_Control *message, int6
         marker_queue_acknowledge(&link->markers, message->message.marker_ack.number);
         lws_callback_on_writable(link->control.socket); // others may go now
         return 0;
-    case arthron_Control_resection_tag:
     case arthron_Control_attempt_tag:
+        link_keep_attempt(link, &message->message.attempt);
+        return 0;
+    case arthron_Control_resection_tag:
         return 0; // figures for a view
     default:
         log_warning("link", "the server sent a message that only a station may send");

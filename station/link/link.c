@@ -275,6 +275,24 @@ bool link_get_session(struct link *link, uint64_t *seen, struct link_session *ou
     return true;
 }
 
+void link_keep_attempt(struct link *link, const arthron_AttemptState *attempt) {
+    pthread_mutex_lock(&link->lock);
+    link->attempt = *attempt;
+    pthread_mutex_unlock(&link->lock);
+    atomic_fetch_add(&link->attempt_changes, 1);
+}
+
+bool link_get_attempt(struct link *link, uint64_t *seen, arthron_AttemptState *out_attempt) {
+    uint64_t changes = atomic_load(&link->attempt_changes);
+    if (*seen == changes)
+        return false;
+    pthread_mutex_lock(&link->lock);
+    *out_attempt = link->attempt;
+    pthread_mutex_unlock(&link->lock);
+    *seen = changes;
+    return true;
+}
+
 int link_get_tissues(struct link *link, struct link_tissue out_tissues[WIRE_MESH_GROUPS_MAX]) {
     return meshes_get(link->meshes, out_tissues);
 }

@@ -74,6 +74,9 @@ void link_get_status(struct link *link, struct link_status *out_status);
 // first). Takes no lock where it did not.
 bool link_get_session(struct link *link, uint64_t *seen, struct link_session *out_session);
 
+// The same for the attempt at a task. Number 0: the session had none yet.
+bool link_get_attempt(struct link *link, uint64_t *seen, arthron_AttemptState *out_attempt);
+
 // How many there are; their order does not change while the case stays.
 int link_get_tissues(struct link *link, struct link_tissue out_tissues[WIRE_MESH_GROUPS_MAX]);
 

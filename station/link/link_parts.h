@@ -93,6 +93,8 @@ struct link {
     struct link_status status;   // under the lock: all that is not atomic above
     struct link_session session; // too
     atomic_uint_fast64_t session_changes;
+    arthron_AttemptState attempt; // too
+    atomic_uint_fast64_t attempt_changes;
 };
 
 // Encodes a message into a queue of struct control_message. False: it is full.
@@ -101,6 +103,8 @@ bool control_push(struct ring *queue, const arthron_Control *message);
 // How a station introduces itself, and what it and the server can both.
 void link_introduce(const struct link *link, arthron_Hello *out_hello);
 void link_agree(struct link *link, const arthron_Welcome *welcome);
+
+void link_keep_attempt(struct link *link, const arthron_AttemptState *attempt);
 
 // The next marker to send, if the server takes any. False: there is none.
 bool link_next_marker(struct link *link, arthron_Control *out_message);

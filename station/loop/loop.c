@@ -9,6 +9,7 @@
 #include "samples/runner.h"
 #include "view/openigtlink.h"
 #include "view/predict.h"
+#include "view/shown_attempt.h"
 #include "view/token.h"
 
 #include <inttypes.h>
@@ -31,6 +32,8 @@ struct loop {
     struct openigtlink *openigtlink; // NULL: there is none
     struct teller *teller;
     uint64_t session_seen;
+    uint64_t attempt_seen;
+    struct shown_attempt attempt;
     uint64_t sent, warped;
     struct tally { // of the server's, which begins anew with each connection
         uint32_t told;
@@ -57,6 +60,14 @@ static void follow_session(struct loop *loop) {
     predict_session(loop->predict, s.state, s.case_name, s.case_hash, s.has_knee ? &s.knee : NULL);
 }
 
+static void follow_attempt(struct loop *loop, int64_t now_ns) {
+    arthron_AttemptState told;
+    bool runs = predict_state(loop->predict) == arthron_SessionState_RUNNING;
+    shown_attempt_go_on(&loop->attempt, now_ns, runs);
+    if (link_get_attempt(loop->link, &loop->attempt_seen, &told))
+        shown_attempt_take(&loop->attempt, &told);
+}
+
 static void show(struct loop *loop) {
     arthron_View message;
     bool viewed = loop->view && view_is_watched(loop->view);
@@ -65,6 +76,7 @@ static void show(struct loop *loop) {
     if (!viewed && !outside)
         return;
     predict_view(loop->predict, &message);
+    shown_attempt_put(&loop->attempt, &message);
     if (viewed)
         view_show(loop->view, &message);
     if (outside)
@@ -89,6 +101,7 @@ static void send_frame(struct loop *loop) {
     bool sent = link_send(loop->link, &frame);
     loop->sent += sent;
     follow_session(loop);
+    follow_attempt(loop, frame.time_ns);
     predict_frame(loop->predict, &frame, sent);
     show(loop);
 }

@@ -73,13 +73,21 @@ static int write_newest(struct view *view, struct lws *socket) {
     return written < (int)view->size ? -1 : 0;
 }
 
+// The most of everything does not fit: then the attempt is told without its goals and errors.
+static void encode(struct view *view, arthron_View *message) {
+    if (wire_encode_view(message, view->bytes, sizeof view->bytes, &view->size) == RESULT_OK)
+        return;
+    message->attempt.goals_count = message->attempt.errors_count = 0;
+    enum result result = wire_encode_view(message, view->bytes, sizeof view->bytes, &view->size);
+    CHECK(result == RESULT_OK);
+}
+
 static void take_newest(void *user) {
     struct view *view = user;
     arthron_View message;
     if (!newest_take(view->newest, &message))
         return;
-    enum result result = wire_encode_view(&message, view->bytes, sizeof view->bytes, &view->size);
-    CHECK(result == RESULT_OK);
+    encode(view, &message);
     view->serial++;
     for (int i = 0; i < VIEW_VIEWERS_MAX; i++)
         if (view->viewers[i].socket)

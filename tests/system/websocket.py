@@ -62,6 +62,21 @@ def loose(data):
             "pose": pose(values[4]) if 4 in values else None}
 
 
+def attempt(data):
+    values = one(data)
+    goals = [one(v) for n, v in fields(data) if n == 8]
+    errors = [one(v) for n, v in fields(data) if n == 9]
+    return {
+        "number": values.get(1, 0), "task": values.get(2, b"").decode(), "title": values.get(3, b"").decode(),
+        "purpose": values.get(4, 0), "hand": values.get(5, 0),
+        "time_ns": struct.unpack("<q", values.get(6, bytes(8)))[0],
+        "limit_s": struct.unpack("<d", values.get(7, bytes(8)))[0],
+        "goals": {goal[1].decode(): 2 in goal for goal in goals},
+        "errors": {error[1].decode(): error.get(2, 0) for error in errors},
+        "end": values.get(10, 0), "verdict": values.get(11, 0),
+    }
+
+
 def view(data):
     """A View message: the parts that tests look at."""
     values = one(data)
@@ -72,6 +87,7 @@ def view(data):
         "case": values.get(4, b"").decode(),
         "bodies": [{"validity": VALIDITIES[b.get(2, 0)], "pose": pose(b[3]), "virtual": pose(b[4])} for b in bodies],
         "instruments": {one(v).get(1, 0): instrument(v) for n, v in fields(data) if n == 7},
+        "attempt": attempt(values[10]) if 10 in values else None,
         "loose": {one(v).get(1, 0): loose(v) for n, v in fields(data) if n == 9},
     }
 

@@ -100,6 +100,31 @@ static void wait_until_ready(struct link *link) {
     assert_int_not_equal(status_of(link).path, LINK_DOWN);
 }
 
+// ---- the attempt --------------------------------------------------------------------------------
+
+static void the_newest_attempt_is_kept(void **state) {
+    (void)state;
+    struct link *link = link_to("localhost", anna);
+    arthron_Control message = {.which_message = arthron_Control_attempt_tag};
+    arthron_AttemptState *told = &message.message.attempt, found;
+    uint64_t seen = 0;
+    wait_until_ready(link);
+    assert_false(link_get_attempt(link, &seen, &found));
+    *told = (arthron_AttemptState){.number = 3, .goals_count = 2, .errors_count = 1};
+    strcpy(told->task, "centring");
+    for (uint32_t count = 1; count <= 3; count++) {
+        told->errors[0].count = count;
+        assert_true(control_send(test_server.control, test_server.peer, &message));
+    }
+    for (int i = 0; i < 5000 && seen < 3; i++, usleep(2000))
+        link_get_attempt(link, &seen, &found);
+    assert_int_equal(found.number, 3);
+    assert_string_equal(found.task, "centring");
+    assert_int_equal(found.errors[0].count, 3);
+    assert_false(link_get_attempt(link, &seen, &found));
+    link_destroy(&link);
+}
+
 // ---- control connection -------------------------------------------------------------------------
 
 static void a_link_says_who_it_is_and_what_it_has(void **state) {
@@ -518,6 +543,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         WITH_SERVER(a_link_says_who_it_is_and_what_it_has),
         WITH_SERVER(a_link_tells_of_the_session_when_it_changed),
+        WITH_SERVER(the_newest_attempt_is_kept),
         WITH_SERVER(both_ends_know_the_offset_of_the_clocks),
         WITH_SERVER(no_frame_leaves_before_the_clock_is_known),
         WITH_SERVER(every_frame_is_answered_once_in_the_control_connection),

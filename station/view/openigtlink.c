@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "igtl/attempt.h"
 #include "igtl/names.h"
 
 #include <stdio.h>
@@ -26,6 +27,7 @@ struct openigtlink {
     bool has_state;
     arthron_SessionState state;
     uint32_t events[EVENT_BITS]; // that were told, or came while nobody watched
+    struct igtl_attempt_told attempt;
 };
 
 static void log_address(const char *address, int port) {
@@ -129,12 +131,65 @@ static void tell_events(struct openigtlink *o, const arthron_View *view, int64_t
     }
 }
 
+// ---- the attempt --------------------------------------------------------------------------------
+
+_Static_assert(sizeof((arthron_ViewAttempt){0}.goals) / sizeof(arthron_AttemptGoal) ==
+                       IGTL_GOALS_MAX &&
+                   sizeof((arthron_ViewAttempt){0}.errors) / sizeof(arthron_AttemptError) ==
+                       IGTL_ERRORS_MAX &&
+                   sizeof((arthron_AttemptGoal){0}.name) == IGTL_TASK_NAME_SIZE &&
+                   sizeof((arthron_AttemptError){0}.name) == IGTL_TASK_NAME_SIZE &&
+                   sizeof((arthron_ViewAttempt){0}.task) == IGTL_TASK_NAME_SIZE,
+               "all of an attempt can be told");
+_Static_assert((int)arthron_AttemptState_End_ENDED == ATTEMPT_END_COUNT &&
+                   (int)arthron_AttemptState_Verdict_NOT_YET == VERDICT_NOT_YET &&
+                   (int)arthron_AttemptState_Purpose_EXAM == ATTEMPT_EXAM &&
+                   (int)arthron_AttemptState_Hand_LEFT_HAND == ATTEMPT_LEFT_HAND,
+               "words of the wire are those of base/attempt_words.h");
+
+static struct igtl_attempt attempt_of(const arthron_View *view) {
+    const arthron_ViewAttempt *a = &view->attempt;
+    if (!view->has_attempt)
+        return (struct igtl_attempt){.number = 0};
+    struct igtl_attempt out = {.number = a->number,
+                               .purpose = (enum attempt_purpose)a->purpose,
+                               .hand = (enum attempt_hand)a->hand,
+                               .time_s = 1e-9 * (double)a->time_ns,
+                               .limit_s = a->limit_s,
+                               .goal_count = a->goals_count,
+                               .error_count = a->errors_count,
+                               .ended = a->end != arthron_AttemptState_End_RUNS,
+                               .verdict = (enum verdict)a->verdict};
+    if (a->end != arthron_AttemptState_End_ENDED)
+        out.end = (enum attempt_end)a->end;
+    memcpy(out.task, a->task, sizeof out.task);
+    for (int i = 0; i < out.goal_count; i++) {
+        memcpy(out.goals[i].name, a->goals[i].name, sizeof out.goals[i].name);
+        out.goals[i].met = a->goals[i].has_met_ns;
+    }
+    for (int i = 0; i < out.error_count; i++) {
+        memcpy(out.errors[i].name, a->errors[i].name, sizeof out.errors[i].name);
+        out.errors[i].count = a->errors[i].count;
+    }
+    return out;
+}
+
+static void tell_attempt(struct openigtlink *o, const arthron_View *view, int64_t utc_ns) {
+    struct igtl_attempt now = attempt_of(view);
+    struct igtl_attempt_word word;
+    if (!o->was_watched)
+        o->attempt = (struct igtl_attempt_told){.last = now};
+    while (igtl_attempt_next(&o->attempt, &now, utc_ns, &word))
+        igtl_server_put_string(o->server, word.device, word.text, utc_ns);
+}
+
 void openigtlink_show(struct openigtlink *o, const arthron_View *view) {
     int64_t utc_ahead_ns = utc_ahead();
     struct igtl_poses set = poses_of(view, utc_ahead_ns);
     igtl_server_put_poses(o->server, &set);
     if (o->was_watched)
         tell_events(o, view, set.utc_ns);
+    tell_attempt(o, view, set.utc_ns);
     o->was_watched = true;
     memcpy(o->events, view->events, sizeof o->events);
 }

@@ -165,6 +165,41 @@ static void events_are_told_from_when_somebody_watches(void **state) {
     assert_event("piece");
 }
 
+static void assert_string(const char *device, const char *begins) {
+    struct igtl_content content;
+    struct igtl_frame frame = next_of("STRING", &content);
+    assert_string_equal(device, frame.device);
+    assert_true(content.size - 4 >= strlen(begins));
+    assert_memory_equal(begins, content.bytes + 4, strlen(begins));
+}
+
+// A client that comes later than it gets its figures, and what happens from then on.
+static void an_attempt_is_told_from_when_somebody_watches(void **state) {
+    (void)state;
+    arthron_View view = shown();
+    view.has_attempt = true;
+    view.attempt = (arthron_ViewAttempt){.number = 1, .goals_count = 2, .errors_count = 1};
+    strcpy(view.attempt.task, "centring");
+    strcpy(view.attempt.goals[0].name, "one");
+    strcpy(view.attempt.goals[1].name, "two");
+    strcpy(view.attempt.errors[0].name, "bump");
+    view.attempt.goals[0].has_met_ns = true;
+    look();
+    openigtlink_show(outlet, &view);
+    view.attempt.goals[1].has_met_ns = true;
+    view.attempt.errors[0].count = 1;
+    openigtlink_show(outlet, &view);
+    openigtlink_show(outlet, &view);
+    view.attempt.end = arthron_AttemptState_End_DONE;
+    view.attempt.verdict = arthron_AttemptState_Verdict_PASSED;
+    openigtlink_show(outlet, &view);
+    assert_string("progress", "{\"number\":1,\"task\":\"centring\"");
+    assert_string("attempt", "goal two");
+    assert_string("attempt", "error bump 1");
+    assert_string("progress", "{");
+    assert_string("attempt", "ended passed (done)");
+}
+
 static void a_marker_has_its_value_and_the_utc_of_its_measurement(void **state) {
     (void)state;
     struct marker marker = {.time_ns = clock_now_ns() - NS_PER_S, .value = 0.5, .name = "pulse"};
@@ -307,6 +342,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(poses_have_their_names_and_the_utc_of_their_measurement),
         TEST(events_are_told_from_when_somebody_watches),
+        TEST(an_attempt_is_told_from_when_somebody_watches),
         TEST(a_marker_has_its_value_and_the_utc_of_its_measurement),
         TEST(the_state_is_a_status_when_it_changes),
         TEST(what_is_dead_in_a_mesh_is_left_out),

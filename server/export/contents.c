@@ -150,11 +150,29 @@ static bool on_marker(void *user, const struct marker *marker) {
     return true;
 }
 
+static bool on_begun(void *user, const struct trace_attempt *begun) {
+    const struct walking *w = user;
+    if (w->begun && w->walk->begun)
+        w->walk->begun(w->user, begun);
+    return true;
+}
+
+static bool on_ended(void *user, const struct trace_outcome *ended) {
+    const struct walking *w = user;
+    if (w->begun && w->walk->ended)
+        w->walk->ended(w->user, ended);
+    return true;
+}
+
 enum result walk_run(struct walk *walk, const struct contents *contents, walk_step step, void *user,
                      struct error *err) {
     struct walking walking = {walk, contents->steps, step, user, false};
-    struct trace_player player = {
-        .user = &walking, .step = on_step, .remark = on_remark, .marker = on_marker};
+    struct trace_player player = {.user = &walking,
+                                  .step = on_step,
+                                  .remark = on_remark,
+                                  .marker = on_marker,
+                                  .begun = on_begun,
+                                  .ended = on_ended};
     enum result result = open_trace(walk->request, &walk->reader, err);
     if (result != RESULT_OK)
         return result;

@@ -36,6 +36,9 @@ struct walk {
     void (*remark)(void *user, const struct remark *remark);
     // Or NULL: the markers whose time is in the part that is exported.
     void (*marker)(void *user, const struct marker *marker);
+    // Or NULL: the attempts that begin and end between the steps that are exported.
+    void (*begun)(void *user, const struct trace_attempt *begun);
+    void (*ended)(void *user, const struct trace_outcome *ended);
     struct trace_reader *reader; // of the pass that is on
     int pass, passes;            // of how many: set by the caller, for the progress
 };

@@ -31,20 +31,13 @@ static void tell_goals(const struct task *task, const struct attempt *a,
     }
 }
 
-static uint32_t count_of(const struct attempt *a, int error) {
-    int32_t count = 0;
-    for (int tool = 0; tool < INSTRUMENT_COUNT; tool++)
-        count += a->found[error][tool].count;
-    return (uint32_t)count;
-}
-
 static void tell_errors(const struct task *task, const struct attempt *a,
                         arthron_AttemptState *out) {
     out->errors_count = (pb_size_t)task->error_count;
     for (int i = 0; i < task->error_count; i++) {
         arthron_AttemptError *error = &out->errors[i];
-        *error =
-            (arthron_AttemptError){.count = count_of(a, i), .sentinel = task->errors[i].sentinel};
+        *error = (arthron_AttemptError){.count = attempt_error_count(a, i),
+                                        .sentinel = task->errors[i].sentinel};
         memcpy(error->name, task->errors[i].name, sizeof error->name);
     }
     out->occurrences_count = (pb_size_t)a->occurrence_count;

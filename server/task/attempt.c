@@ -228,6 +228,13 @@ void attempt_end_as(struct attempt *a, enum attempt_end recorded) {
         attempt_leave(a, recorded == ATTEMPT_LEFT);
 }
 
+uint32_t attempt_error_count(const struct attempt *a, int error) {
+    int32_t count = 0;
+    for (int tool = 0; tool < INSTRUMENT_COUNT; tool++)
+        count += a->found[error][tool].count;
+    return (uint32_t)count;
+}
+
 double attempt_time_s(const struct attempt *a) {
     return 1e-9 * (double)a->running_ns;
 }

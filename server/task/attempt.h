@@ -101,4 +101,6 @@ void attempt_end_as(struct attempt *attempt, enum attempt_end recorded);
 enum verdict attempt_verdict(const struct attempt *attempt, const struct task *task);
 // By another one.
 enum verdict attempt_verdict_by(const struct attempt *attempt, double pass_time_s, int pass_errors);
+// How often an error was counted, with any tool.
+uint32_t attempt_error_count(const struct attempt *attempt, int error);
 double attempt_time_s(const struct attempt *attempt);

@@ -5,6 +5,7 @@
 #include "export/inputs.h"
 #include "export/tissue_states.h"
 #include "igtl/names.h"
+#include "trace_serve_attempt.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -16,6 +17,7 @@ struct served_session {
     struct walk walk;
     struct contents contents;
     struct tissue_states tissue;
+    struct served_attempt attempt;
     struct served_counts counts;
     struct sample newest[CHANNEL_COUNT]; // poses and the joint, as they were measured
     bool known[CHANNEL_COUNT];
@@ -29,6 +31,7 @@ struct served_session {
     bool begun, ended;
     enum session_state state;
     int next_cut;
+    int64_t step_ns; // of the last step
 };
 
 static int64_t utc_of(const struct served_session *s, int64_t time_ns) {
@@ -115,6 +118,26 @@ static void on_marker(void *user, const struct marker *marker) {
     put_string(s, IGTL_MARKERS, text, marker->time_ns);
 }
 
+// ---- attempts -----------------------------------------------------------------------------------
+
+static void put_attempt(struct served_session *s, int64_t time_ns) {
+    struct igtl_attempt_word word;
+    while (served_attempt_next(&s->attempt, utc_of(s, time_ns), &word))
+        put_string(s, word.device, word.text, time_ns);
+}
+
+static void on_begun(void *user, const struct trace_attempt *begun) {
+    struct served_session *s = user;
+    served_attempt_begin(&s->attempt, begun);
+    put_attempt(s, s->step_ns);
+}
+
+static void on_ended(void *user, const struct trace_outcome *ended) {
+    struct served_session *s = user;
+    served_attempt_end(&s->attempt, ended);
+    put_attempt(s, s->step_ns);
+}
+
 // ---- poses --------------------------------------------------------------------------------------
 
 static void take_samples(struct served_session *s, const struct frame *frame) {
@@ -187,7 +210,10 @@ static bool on_step(void *user, const struct trace_record *record, double second
     put_state(s, o);
     put_events(s, o);
     put_cut_meshes(s, o);
+    served_attempt_step(&s->attempt, record);
+    put_attempt(s, o->time_ns);
     s->begun = true;
+    s->step_ns = o->time_ns;
     return true;
 }
 
@@ -210,6 +236,8 @@ enum result served_session_create(const struct export_request *request,
     enum result result = contents_read(request, &s->contents, err);
     if (result == RESULT_OK)
         result = walk_run(&s->walk, &s->contents, note_times, s, err);
+    s->attempt.scene = request->scene;
+    s->attempt.header = &s->contents.header;
     if (result == RESULT_OK && request->scene)
         result = tissue_states_read(&s->walk, &s->tissue, err);
     *out_session = s;
@@ -219,8 +247,10 @@ enum result served_session_create(const struct export_request *request,
 }
 
 void served_session_destroy(struct served_session **session) {
-    if (*session)
+    if (*session) {
         tissue_states_fini(&(*session)->tissue);
+        served_attempt_clear(&(*session)->attempt);
+    }
     free(*session);
     *session = NULL;
 }
@@ -237,6 +267,7 @@ static void begin_round(struct served_session *s, struct igtl_server *server) {
     s->server = server;
     s->begun = false;
     s->next_cut = 0;
+    served_attempt_clear(&s->attempt);
     memset(s->known, 0, sizeof s->known);
 }
 
@@ -259,6 +290,8 @@ enum result served_session_play(struct served_session *session, struct igtl_serv
     s->user = user;
     s->walk.remark = on_remark;
     s->walk.marker = on_marker;
+    s->walk.begun = on_begun;
+    s->walk.ended = on_ended;
     return walk_run(&s->walk, &s->contents, on_step, s, err);
 }
 

@@ -1,5 +1,6 @@
 // What the station shows, for programs that speak OpenIGTLink (docs/OPENIGTLINK.md): poses as
-// measured and as shown, events, the session's state, the meshes that are cut.
+// measured and as shown, events, the attempt that runs, the session's state, the meshes that are
+// cut.
 #pragma once
 
 #include "base/marker.h"

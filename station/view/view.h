@@ -1,6 +1,6 @@
-// Serves the newest poses to the programs of this PC that show them: a WebSocket on 127.0.0.1
-// (PROTOCOL.md, "View"). A thread of its own serves the viewers; each gets the newest message only,
-// and one that reads slowly skips what it missed.
+// Serves the newest poses and the attempt to the programs of this PC that show them: a WebSocket on
+// 127.0.0.1 (PROTOCOL.md, "View"). A thread of its own serves the viewers; each gets the newest
+// message only, and one that reads slowly skips what it missed.
 #pragma once
 
 #include "wire/wire.h"

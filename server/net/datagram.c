@@ -350,10 +350,12 @@ static bool take(struct datagram_endpoint *endpoint, int index, int64_t now_ns,
     struct opened opened;
     if (!open_datagram(endpoint, endpoint->in.data[index], size, now_ns, &opened))
         return false;
-    if (wire_decode_frame(opened.message, opened.size, &out->message, NULL) != RESULT_OK) {
+    enum result result = wire_read_frame(opened.message, opened.size, &out->frame, NULL);
+    if (result != RESULT_OK && result != RESULT_INVALID) {
         endpoint->counts.malformed++;
         return false;
     }
+    out->is_valid = result == RESULT_OK;
     out->connection = opened.connection->id;
     out->user = opened.connection->user;
     out->received_ns = now_ns;
@@ -378,7 +380,7 @@ int datagram_receive(struct datagram_endpoint *endpoint, struct datagram_in *out
         if (take(endpoint, i, now_ns, &out_frames[count])) {
             const struct datagram_in *frame = &out_frames[count];
             endpoint->questions[count++] =
-                (struct question){frame->connection, frame->message.number, frame->size};
+                (struct question){frame->connection, frame->frame.number, frame->size};
         }
     endpoint->question_count = count;
     return count;

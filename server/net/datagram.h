@@ -48,7 +48,8 @@ struct datagram_in {
     int64_t received_ns;
     size_t size;             // of the datagram: a reply is never longer
     uint64_t path_challenge; // not 0: the address is new, send UdpPath with this
-    arthron_Frame message;
+    bool is_valid;           // false: of the frame there is only its number
+    struct frame frame;
 };
 
 // Receives the waiting datagrams, at most DATAGRAM_BATCH, without waiting. Returns the number of

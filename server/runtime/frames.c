@@ -226,14 +226,13 @@ void frames_take_datagrams(struct worker *worker) {
     int received = datagram_receive(worker->endpoint, batch);
     for (int i = 0; i < received; i++) {
         struct station_runtime *station = batch[i].user;
-        struct frame frame;
         progress_note(&worker->progress, "take a datagram", station->index);
         if (batch[i].path_challenge)
             ask_for_path(worker, station, batch[i].path_challenge);
-        if (wire_frame_to(&batch[i].message, &frame, NULL) != RESULT_OK)
-            count(&station->counts.frames_invalid, 1);
+        if (batch[i].is_valid)
+            take_frame(worker, station, PATH_DATAGRAM, &batch[i].frame, batch[i].received_ns);
         else
-            take_frame(worker, station, PATH_DATAGRAM, &frame, batch[i].received_ns);
+            count(&station->counts.frames_invalid, 1);
     }
     datagram_flush(worker->endpoint);
     publish_counts(worker);

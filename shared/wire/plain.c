@@ -119,6 +119,10 @@ static bool times_are_sane(const struct frame *frame) {
     return is_sane_time(frame->time_ns);
 }
 
+bool wire_frame_is_sane(const struct frame *frame) {
+    return times_are_sane(frame) && frame_is_valid(frame);
+}
+
 enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct error *err) {
     *out = (struct frame){.number = m->number, .time_ns = m->time_ns, .count = m->samples_count};
     CHECK(out->count <= FRAME_SAMPLES_MAX);

@@ -89,11 +89,6 @@ enum result wire_encode_frame(const arthron_Frame *message, uint8_t *data, size_
     return encode(arthron_Frame_fields, message, data, size, out_used);
 }
 
-enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_t size,
-                              size_t *out_used) {
-    return encode(arthron_Reply_fields, message, data, size, out_used);
-}
-
 enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t size,
                              size_t *out_used) {
     return encode(arthron_View_fields, message, data, size, out_used);

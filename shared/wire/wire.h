@@ -93,6 +93,14 @@ void wire_frame_from(const struct frame *frame, arthron_Frame *out_message);
 // WIRE_DEVICES_MAX. No part of *out_frame may then be used.
 enum result wire_frame_to(const arthron_Frame *message, struct frame *out_frame, struct error *err);
 
+// Both for a datagram: wire_decode_frame and wire_frame_to, and their results. After RESULT_INVALID
+// *out_frame has its number.
+enum result wire_read_frame(const uint8_t *data, size_t size, struct frame *out_frame,
+                            struct error *err);
+
+// True where wire_frame_to takes a frame with these values.
+bool wire_frame_is_sane(const struct frame *frame);
+
 // Leaves out what the receiver would refuse the whole frame for: without the capability
 // "instruments" the channels of described ones; without "force" every force, and what is beyond
 // WIRE_SAMPLES_WITHOUT_FORCE samples. False: something else than a described instrument is left

@@ -9,14 +9,32 @@
 
 static const uint8_t key[SEAL_KEY_SIZE] = "arthron fuzzing", iv[SEAL_IV_SIZE] = "a known one";
 
+static size_t encode(const struct frame *frame, uint8_t *out_data) {
+    static arthron_Frame message;
+    size_t size;
+    wire_frame_from(frame, &message);
+    CHECK(wire_encode_frame(&message, out_data, arthron_Frame_size, &size) == RESULT_OK);
+    return size;
+}
+
+static void check_same(const struct frame *a, const struct frame *b) {
+    uint8_t of_a[arthron_Frame_size], of_b[arthron_Frame_size];
+    CHECK(frame_is_valid(a));
+    size_t size = encode(a, of_a);
+    CHECK(encode(b, of_b) == size && memcmp(of_a, of_b, size) == 0);
+}
+
 static void decode(const uint8_t *message, size_t size) {
     static arthron_Frame read;
     static arthron_Reply reply;
-    struct frame frame;
+    struct frame frame, expected;
     struct error err;
-    if (wire_decode_frame(message, size, &read, &err) == RESULT_OK &&
-        wire_frame_to(&read, &frame, &err) == RESULT_OK)
-        CHECK(frame_is_valid(&frame));
+    enum result result = wire_decode_frame(message, size, &read, &err);
+    if (result == RESULT_OK)
+        result = wire_frame_to(&read, &expected, &err);
+    CHECK(wire_read_frame(message, size, &frame, &err) == result);
+    if (result == RESULT_OK)
+        check_same(&frame, &expected);
     wire_decode_reply(message, size, &reply, &err);
 }
 

@@ -163,7 +163,7 @@ static void a_frame_comes_in_and_its_reply_goes_back(void **state) {
     assert_int_equal(receive(endpoint), 1);
     assert_int_equal(frames[0].connection, 77);
     assert_ptr_equal(frames[0].user, &owner);
-    assert_int_equal(frames[0].message.number, 1);
+    assert_int_equal(frames[0].frame.number, 1);
     assert_true(answer(endpoint, 77, 1));
     assert_int_equal(hear_reply(&s), 1);
     struct datagram_counts counts = datagram_counts(endpoint);
@@ -185,7 +185,7 @@ static void a_hundred_frames_of_three_stations_come_in_batches(void **state) {
     uint64_t expected = 1;
     for (int got; (got = receive(endpoint)) > 0;)
         for (int i = 0; i < got; i++, expected++) {
-            assert_int_equal(frames[i].message.number, expected);
+            assert_int_equal(frames[i].frame.number, expected);
             assert_int_equal(frames[i].connection, 100 + expected % 3);
             arthron_Reply reply = reply_to(expected, false);
             assert_true(datagram_reply(endpoint, frames[i].connection, &reply));

@@ -345,10 +345,10 @@ static void answer_batch(struct responder *r) {
     pthread_mutex_lock(&r->lock);
     int count = datagram_receive(r->endpoint, batch);
     for (int i = 0; i < count; i++)
-        atomic_store(&r->newest, batch[i].message.number);
+        atomic_store(&r->newest, batch[i].frame.number);
     for (int i = 0; i < count && !atomic_load(&r->mute); i++) {
-        arthron_Reply reply = {.frame_number = batch[i].message.number,
-                               .frame_time_ns = batch[i].message.time_ns,
+        arthron_Reply reply = {.frame_number = batch[i].frame.number,
+                               .frame_time_ns = batch[i].frame.time_ns,
                                .path_challenge = r->challenge};
         atomic_fetch_add(&r->answered, datagram_reply(r->endpoint, batch[i].connection, &reply));
     }

@@ -18,8 +18,9 @@ struct discrepancy {
     double turn_deg;   // its rotation: 180 where space folds
 };
 
-// `shown` is the extrapolation's own, at the tip's pose that it was made for.
+// `shown` is the extrapolation's own, at the tip's pose that it was made for. F is its derivative;
+// by differences it is as sessions before RULES_BY_DERIVATIVE had it (step/settings.h).
 struct discrepancy discrepancy_of(const struct avatar_extrapolation *extrapolation, pose tip,
-                                  pose shown);
+                                  pose shown, bool by_differences);
 
 bool discrepancy_is_noticed(const struct discrepancy *discrepancy); // past one of the thresholds

@@ -348,7 +348,8 @@ static void warp_instrument(struct session *s, struct session_output *out, int i
     o->extrapolation = avatar.extrapolation;
     o->penetration_mm = avatar.penetration_mm;
     o->tip_gap_mm = avatar.tip_gap_mm;
-    o->discrepancy = discrepancy_of(&o->extrapolation, o->T_mockup_tip, o->T_mockup_warped);
+    o->discrepancy = discrepancy_of(&o->extrapolation, o->T_mockup_tip, o->T_mockup_warped,
+                                    s->settings.rules < RULES_BY_DERIVATIVE);
 }
 
 static uint32_t feel_contact(struct session *s, int instrument, double distance_mm) {

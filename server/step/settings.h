@@ -33,7 +33,9 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //      where nothing is seen.
 //   8  The hold of a sample counts from the last frame that told it as ok. So a device that tells
 //      late what it measured, by up to 1 s, or seldom, is not lost.
-#define RULES_NEWEST 8
+//   9  The gains and the turn of a discrepancy are of the derivative (step/discrepancy.h), not of
+//      differences.
+#define RULES_NEWEST 9
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
@@ -44,6 +46,7 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 #define RULES_TOUCH_LAID 7
 #define RULES_STILL_TOLD 7
 #define RULES_HELD_FROM_FRAME 8
+#define RULES_BY_DERIVATIVE 9
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

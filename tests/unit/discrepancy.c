@@ -17,7 +17,7 @@ static struct discrepancy meet(mat3 F, vec3 offset) {
     pose tip = {quat_from_axis_angle((vec3){0, 1, 0}, 0.4), {3, -4, 5}};
     return discrepancy_of(
         &extrapolation, tip,
-        avatar_place(extrapolation.mode, extrapolation.portal, &extrapolation.motion, tip));
+        avatar_place(extrapolation.mode, extrapolation.portal, &extrapolation.motion, tip), false);
 }
 
 static mat3 diagonal(double a, double b, double c) {
@@ -62,10 +62,45 @@ static void a_rigid_avatars_shaft_tilts(void **state) {
                                                  .trust_radius_mm = 1};
     pose tip = pose_identity(),
          shown = avatar_place(AVATAR_RIGID, extrapolation.portal, &extrapolation.motion, tip);
-    struct discrepancy d = discrepancy_of(&extrapolation, tip, shown);
+    struct discrepancy d = discrepancy_of(&extrapolation, tip, shown, false);
     assert_near(d.tilt_deg, 0.1 * DEG_PER_RAD, 1e-9);
     assert_near(d.offset_mm, vec3_distance(shown.translation, (vec3){0, 0, 0}), 1e-12);
     assert_near(shown.translation.x, 52 * sin(0.1), 1e-9);
+}
+
+static struct avatar_extrapolation any_extrapolation(struct random *r, enum avatar_mode mode) {
+    struct avatar_extrapolation extrapolation = {.mode = mode,
+                                                 .portal = random_in_box(r, 60),
+                                                 .motion = {.v = random_in_box(r, 0.3)},
+                                                 .reach_mm = 49,
+                                                 .trust_radius_mm = 0.5};
+    extrapolation.motion.s = mode == AVATAR_RIGID ? random_between(r, -3, 3) : 0;
+    double most = mode == AVATAR_RIGID ? 0.004 : 0.4; // v is a part of 1 of tens of mm
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 6; k++)
+            extrapolation.slope[i][k] = random_between(r, -most, most);
+    for (int k = 0; mode == AVATAR_RIGID && k < 6; k++)
+        extrapolation.slope[3][k] = random_between(r, -0.4, 0.4);
+    return extrapolation;
+}
+
+static void the_derivative_is_the_limit_of_differences(void **state) {
+    (void)state;
+    struct random r = {3};
+    for (int i = 0; i < 3000; i++) {
+        struct avatar_extrapolation extrapolation =
+            any_extrapolation(&r, (enum avatar_mode)(i % AVATAR_MODE_COUNT));
+        pose tip = {quat_from_axis_angle(random_direction(&r), random_between(&r, 0, 3)),
+                    random_in_box(&r, 40)};
+        pose shown =
+            avatar_place(extrapolation.mode, extrapolation.portal, &extrapolation.motion, tip);
+        struct discrepancy d = discrepancy_of(&extrapolation, tip, shown, false),
+                           expected = discrepancy_of(&extrapolation, tip, shown, true);
+        assert_near(d.gain, expected.gain, 1e-6);
+        assert_near(d.gain_least, expected.gain_least, 1e-6);
+        assert_near(d.turn_deg, expected.turn_deg, 1e-5);
+        assert_true(d.offset_mm == expected.offset_mm && d.tilt_deg == expected.tilt_deg);
+    }
 }
 
 static void what_is_noticed_is_past_a_threshold(void **state) {
@@ -86,6 +121,7 @@ int main(void) {
         cmocka_unit_test(gains_and_turn_are_those_of_the_polar_parts),
         cmocka_unit_test(a_fold_has_a_negative_gain_and_is_turned_right_round),
         cmocka_unit_test(a_rigid_avatars_shaft_tilts),
+        cmocka_unit_test(the_derivative_is_the_limit_of_differences),
         cmocka_unit_test(what_is_noticed_is_past_a_threshold),
     };
     return cmocka_run_group_tests_name("discrepancy", tests, NULL, NULL);

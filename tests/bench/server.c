@@ -7,6 +7,8 @@
 #include "echo.h"
 #include "generate/generate.h"
 #include "hall.h"
+#include "pipeline.h"
+#include "step/scene.h"
 
 #include <stdio.h>
 #include <time.h>
@@ -242,6 +244,28 @@ static enum result usual_field(const char *case_dir, const struct rounds *rounds
     return result;
 }
 
+// ---- two workers --------------------------------------------------------------------------------
+
+static enum result two_threads(const char *folder, const char *case_dir,
+                               const struct rounds *rounds, struct report *report,
+                               struct error *err) {
+    struct knee_case *knee = NULL;
+    struct scene *scene = NULL;
+    struct samples ratios = {0};
+    enum result result = case_load(case_dir, NULL, &knee, err);
+    if (result == RESULT_OK)
+        result = scene_create(&knee, &scene, err);
+    if (result == RESULT_OK)
+        result = pipeline_two_over_one(scene, folder, rounds->count, &ratios, err);
+    if (result == RESULT_OK)
+        report_mark(report, "two_threads_over_one", samples_quantile(&ratios, 0.5), "1", 1.7,
+                    BETTER_HIGH);
+    samples_fini(&ratios);
+    scene_destroy(&scene);
+    case_destroy(&knee);
+    return result;
+}
+
 enum result bench_server(const struct bench_options *options, struct report *report,
                          struct error *err) {
     struct rounds rounds = {options->quick ? 3 : 9, options->quick ? NS_PER_S / 2 : 2 * NS_PER_S};
@@ -249,6 +273,8 @@ enum result bench_server(const struct bench_options *options, struct report *rep
     log_set_level(LOG_WARNING);
     folder_make(folder);
     enum result result = make_case(folder, case_dir, sizeof case_dir, err);
+    if (result == RESULT_OK)
+        result = two_threads(folder, case_dir, &rounds, report, err);
     if (result == RESULT_OK)
         result = cheapest_field(case_dir, &rounds, report, err);
     if (result == RESULT_OK)

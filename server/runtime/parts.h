@@ -11,6 +11,7 @@
 #include "runtime/frame_order.h"
 #include "runtime/late_frames.h"
 #include "runtime/progress.h"
+#include "runtime/real_time.h"
 #include "runtime/types.h"
 
 #include <pthread.h>
@@ -134,6 +135,7 @@ struct worker {
     struct datagram_endpoint *endpoint;
     int wake_fd;
     struct progress progress;
+    struct real_time real_time;
     pthread_mutex_t request_lock; // of the producers; the worker takes no part
     struct ring *requests;        // of struct worker_request
     struct ring *notices;         // of struct runtime_notice

@@ -3,6 +3,7 @@
 #include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/log.h"
 #include "runtime/attempts.h"
 #include "runtime/cut_worker.h"
 #include "runtime/frames.h"
@@ -229,11 +230,24 @@ static bool end_sessions(struct worker *worker) {
 // ---- the thread ---------------------------------------------------------------------------------
 
 // Until a frame or a word from another thread comes, or TICK_MS.
-static void wait_for_work(struct pollfd *fds, bool left) {
+static void wait_for_work(struct worker *worker, struct pollfd *fds, bool left) {
     uint64_t wakes;
+    int64_t begin_ns = clock_now_ns();
     poll(fds, 2, left ? 0 : TICK_MS);
+    real_time_waited(&worker->real_time, begin_ns, clock_now_ns());
     if (fds[1].revents && read(fds[1].fd, &wakes, sizeof wakes) < 0)
         CHECK(errno == EAGAIN);
+}
+
+static void begin_real_time(struct worker *worker) {
+    bool given = real_time_begin(&worker->real_time, clock_now_ns());
+    if (worker->index > 0)
+        return;
+    if (given)
+        log_info("runtime", "workers run at real-time priority %d", REAL_TIME_PRIORITY);
+    else
+        log_info("runtime", "the system gives workers no real-time priority: other programs may "
+                            "delay poses (INSTALL.md)");
 }
 
 static void *work(void *argument) {
@@ -244,9 +258,10 @@ static void *work(void *argument) {
     };
     bool left = false;
     progress_begin(&worker->progress, "worker", worker->index);
+    begin_real_time(worker);
     while (!atomic_load(&worker->runtime->stop)) {
         progress_note(&worker->progress, "wait for frames and requests", -1);
-        wait_for_work(fds, left);
+        wait_for_work(worker, fds, left);
         progress_note(&worker->progress, "take connections and requests", -1);
         take_connections(worker);
         take_requests(worker);
@@ -257,7 +272,7 @@ static void *work(void *argument) {
     take_requests(worker);
     while (!end_sessions(worker)) {
         progress_note(&worker->progress, "wait for the last cuts", -1);
-        wait_for_work(fds, false);
+        wait_for_work(worker, fds, false);
         step_results(worker);
     }
     progress_end(&worker->progress);

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define TCP_FRAMES_AT_ONCE 4
+#define REPLIES_TOGETHER 8 // in one call of the system: more would wait for one another's steps
 
 _Static_assert(sizeof((arthron_Reply *)0)->event_counts / sizeof(uint32_t) >= EVENT_COUNT,
                "a reply counts every event");
@@ -233,6 +234,8 @@ void frames_take_datagrams(struct worker *worker) {
             take_frame(worker, station, PATH_DATAGRAM, &batch[i].frame, batch[i].received_ns);
         else
             count(&station->counts.frames_invalid, 1);
+        if (i % REPLIES_TOGETHER == REPLIES_TOGETHER - 1)
+            datagram_flush(worker->endpoint);
     }
     datagram_flush(worker->endpoint);
     publish_counts(worker);

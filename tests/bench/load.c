@@ -10,7 +10,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define ANSWER_NS (100 * NS_PER_MS) // later ones are lost
+#define ANSWER_MS 100 // later ones are lost
+#define ANSWER_NS (ANSWER_MS * NS_PER_MS)
 #define EVENTS 64
 #define RADIUS_MM 6.0
 #define SPEED_MM_S 30.0
@@ -121,7 +122,16 @@ static void spread(struct caller *callers, int count, const struct load *load) {
     }
 }
 
-// It never sleeps: how soon it wakes would be in every figure.
+// Whole milliseconds until the next frame of an open loop.
+static int until_due_ms(const struct caller *callers, int count, int64_t now_ns) {
+    int64_t least_ns = INT64_MAX;
+    for (int i = 0; i < count; i++)
+        if (callers[i].due_ns - now_ns < least_ns)
+            least_ns = callers[i].due_ns - now_ns;
+    return least_ns > 0 ? (int)(least_ns / NS_PER_MS) : 0;
+}
+
+// Usually it never sleeps: how soon it wakes would be in every figure.
 void load_run(struct caller *callers, int count, const struct load *load, struct load_result *out) {
     struct epoll_event events[EVENTS];
     int fd = watch(callers, count);
@@ -131,7 +141,8 @@ void load_run(struct caller *callers, int count, const struct load *load, struct
          now_ns = clock_now_ns()) {
         if (now_ns - begin_ns < load->lasts_ns)
             send_due(callers, count, load, out);
-        int ready = epoll_wait(fd, events, EVENTS, 0);
+        int wait_ms = load->sleeps ? until_due_ms(callers, count, now_ns) : 0;
+        int ready = epoll_wait(fd, events, EVENTS, wait_ms < ANSWER_MS ? wait_ms : ANSWER_MS);
         for (int i = 0; i < ready; i++)
             take_answers(events[i].data.ptr, out);
     }

@@ -21,6 +21,7 @@ struct caller {
 struct load {
     double rate_hz; // of each caller; 0: each sends once its answer is there (a closed loop)
     int64_t lasts_ns;
+    bool sleeps; // until the next frame is due: who calls at real-time priority must
 };
 
 struct load_result {

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "bench.h"
+#include "busy.h"
 #include "echo.h"
 #include "generate/generate.h"
 #include "hall.h"
@@ -244,6 +245,31 @@ static enum result usual_field(const char *case_dir, const struct rounds *rounds
     return result;
 }
 
+// ---- beside other programs ----------------------------------------------------------------------
+
+static enum result beside_others(const char *case_dir, const struct rounds *rounds,
+                                 struct report *report, struct error *err) {
+    struct hall hall;
+    struct samples idle = {0}, busy = {0};
+    struct hall_setup setup = {BUSY_STATIONS, case_dir, NULL, -1};
+    enum result result = hall_start(&setup, &hall, err);
+    if (result != RESULT_OK)
+        return result;
+    if (busy_compare(&hall, rounds->count, rounds->lasts_ns, &idle, &busy)) {
+        double idle_us = samples_quantile(&idle, 0.999), busy_us = samples_quantile(&busy, 0.999);
+        report_mark(report, "pose_p999_busy_over_idle", busy_us / idle_us, "1", 1.2, BETTER_LOW);
+        report_figure(report, idle_us, "us", "idle/p999");
+        report_figure(report, busy_us, "us", "busy/p999");
+    } else {
+        report_text(report, "pose_p999_busy_over_idle",
+                    "skipped: the system gives no real-time priority");
+    }
+    samples_fini(&idle);
+    samples_fini(&busy);
+    hall_end(&hall);
+    return RESULT_OK;
+}
+
 // ---- two workers --------------------------------------------------------------------------------
 
 static enum result two_threads(const char *folder, const char *case_dir,
@@ -277,6 +303,8 @@ enum result bench_server(const struct bench_options *options, struct report *rep
         result = two_threads(folder, case_dir, &rounds, report, err);
     if (result == RESULT_OK)
         result = cheapest_field(case_dir, &rounds, report, err);
+    if (result == RESULT_OK)
+        result = beside_others(case_dir, &rounds, report, err);
     if (result == RESULT_OK)
         result = usual_field(case_dir, &rounds, report, err);
     folder_remove(folder);

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define TCP_FRAMES_AT_ONCE 4
+#define BATCHES_AT_ONCE 4
 #define REPLIES_TOGETHER 8 // in one call of the system: more would wait for one another's steps
 
 _Static_assert(sizeof((arthron_Reply *)0)->event_counts / sizeof(uint32_t) >= EVENT_COUNT,
@@ -222,22 +223,33 @@ static void publish_counts(struct worker *worker) {
     atomic_store_explicit(&worker->counts.too_long, now.too_long, memory_order_relaxed);
 }
 
-void frames_take_datagrams(struct worker *worker) {
+static void take_datagram(struct worker *worker, struct datagram_in *datagram) {
+    struct station_runtime *station = datagram->user;
+    progress_note(&worker->progress, "take a datagram", station->index);
+    if (datagram->path_challenge)
+        ask_for_path(worker, station, datagram->path_challenge);
+    if (datagram->is_valid)
+        take_frame(worker, station, PATH_DATAGRAM, &datagram->frame, datagram->received_ns);
+    else
+        count(&station->counts.frames_invalid, 1);
+}
+
+static int take_batch(struct worker *worker) {
     static _Thread_local struct datagram_in batch[DATAGRAM_BATCH];
     int received = datagram_receive(worker->endpoint, batch);
     for (int i = 0; i < received; i++) {
-        struct station_runtime *station = batch[i].user;
-        progress_note(&worker->progress, "take a datagram", station->index);
-        if (batch[i].path_challenge)
-            ask_for_path(worker, station, batch[i].path_challenge);
-        if (batch[i].is_valid)
-            take_frame(worker, station, PATH_DATAGRAM, &batch[i].frame, batch[i].received_ns);
-        else
-            count(&station->counts.frames_invalid, 1);
+        take_datagram(worker, &batch[i]);
         if (i % REPLIES_TOGETHER == REPLIES_TOGETHER - 1)
             datagram_flush(worker->endpoint);
     }
     datagram_flush(worker->endpoint);
+    return received;
+}
+
+// All that wait, within bounds: a worker has more to do.
+void frames_take_datagrams(struct worker *worker) {
+    for (int i = 0; i < BATCHES_AT_ONCE && take_batch(worker) == DATAGRAM_BATCH; i++)
+        ;
     publish_counts(worker);
 }
 

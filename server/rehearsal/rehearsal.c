@@ -356,7 +356,7 @@ enum result rehearse_novice(const struct task *task, struct knee_case *knee,
 }
 
 enum result rehearse(const struct task *task, struct knee_case *knee, const struct scene *scene,
-                     enum hands hands, int64_t seed, void (*progress)(int done, int all),
+                     enum rehearsal_hands hands, int64_t seed, void (*progress)(int done, int all),
                      struct rehearsal *out, struct error *err) {
     enum result result = rehearse_expert(task, knee, scene, progress, out, err);
     if (result != RESULT_OK || hands == HANDS_EXPERT || out->goal >= 0)

@@ -6,7 +6,7 @@
 #include "motion/motion.h"
 #include "task/attempt.h"
 
-enum hands {
+enum rehearsal_hands {
     HANDS_EXPERT, // straight to each goal
     HANDS_NOVICE  // slower, with a tremor and detours, the same ones for a seed
 };
@@ -24,7 +24,7 @@ struct rehearsal {
 // why. Otherwise what site_create and motion_plan refuse. The caller releases the rehearsal with
 // rehearsal_fini.
 enum result rehearse(const struct task *task, struct knee_case *knee, const struct scene *scene,
-                     enum hands hands, int64_t seed, void (*progress)(int done, int all),
+                     enum rehearsal_hands hands, int64_t seed, void (*progress)(int done, int all),
                      struct rehearsal *out, struct error *err);
 void rehearsal_fini(struct rehearsal *rehearsal); // a zeroed one is fine
 

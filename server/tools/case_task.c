@@ -24,7 +24,7 @@ static const char help[] =
 
 struct task_request {
     const char *file, *dir, *motion;
-    enum hands hands;
+    enum rehearsal_hands hands;
     long long seed;
     bool json;
 };

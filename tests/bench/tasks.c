@@ -260,7 +260,7 @@ static void shake_hands(struct measuring *m, const struct rehearsal *calm) {
 
 // ---- one task -----------------------------------------------------------------------------------
 
-static bool has_passed(const struct measuring *m, enum hands hands, int64_t seed,
+static bool has_passed(const struct measuring *m, enum rehearsal_hands hands, int64_t seed,
                        const struct attempt *attempt) {
     bool passed = attempt_verdict(attempt, &m->file.task) == VERDICT_PASSED;
     report_figure(m->report, attempt_time_s(attempt), "s", "%s/%s %d/%s", m->file.task.name,

@@ -16,7 +16,7 @@ static struct error err;
 static struct knee_case *knee; // for hands: the scene has another one
 static struct scene *scene;
 
-static struct lives live(const char *name, enum hands hands, int kills, int64_t seed) {
+static struct lives live(const char *name, enum rehearsal_hands hands, int kills, int64_t seed) {
     struct task_file file;
     struct rehearsal rehearsal;
     struct lives lives;

@@ -13,7 +13,7 @@ import { Removed, REMOVED_TRACES, removedLabels } from "./removed";
 import type { Change, Source } from "./source";
 import { isTechnical, TechnicalSwitch } from "./technical";
 import { format, text } from "./text";
-import { button, h, setText } from "./ui";
+import { h, setText } from "./ui";
 
 const LIVE_WINDOW_S = 120;
 const LATE_S = 2; // a page that was opened sooner has all of the session
@@ -48,7 +48,7 @@ export class Dashboard {
     this.plots.onCursor = (time) => this.setCursor(time);
     this.plots.onPick = (time) => this.pick(time);
     this.panels = new Panels(source, (time) => this.pick(time), options.metrics);
-    this.back = button(text.session.backToLive, () => this.pick(undefined), { class: "back-to-live", kind: "primary" });
+    this.back = h("button", { type: "button", class: "button primary back-to-live", on: { click: () => this.pick(undefined) } }, text.session.backToLive);
     this.back.hidden = true;
     this.viewport.element.append(this.back);
     this.viewports = h("div", { class: "viewports" }, this.viewport.element);

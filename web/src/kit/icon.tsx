@@ -1,5 +1,5 @@
 // Icons: 16 x 16, drawn with strokes in the colour of the text.
-export const ICONS = {
+const ICONS = {
   mark: "M5 1v4a3 3 0 0 0-1.200 2.300A2.200 2.200 0 0 0 8 8.400a2.200 2.200 0 0 0 4.200-1.100A3 3 0 0 0 11 5V1M3.500 11.300h9M5.200 11.500V15M10.800 11.500V15",
   now: "M8 1.500 15 14.500H1ZM8 6v4M8 12.200v.1",
   act: "M8 1.500 14.500 8 8 14.500 1.500 8ZM8 5v3.500M8 10.700v.1",

@@ -31,21 +31,18 @@ export function debriefAttempts(app: App, session: string, source: FeedSource, c
   const scope = h("div", { class: "debrief-scope", hidden: true });
   const steps = new StepTimes();
   const end = app.feed.on("moment", ({ step, timeNs }) => steps.add(Number(step), Number(timeNs) * 1e-9));
-  let replay: ScopeReplay | undefined;
   let now = 0;
+  const draw = (): void => render(scope.hidden ? null : <ScopeReplay source={source} time={now} />, scope);
   const through = (on: boolean): void => {
     scope.hidden = !on;
-    replay?.close();
-    replay = on ? new ScopeReplay(scope, source) : undefined;
-    if (!on) scope.replaceChildren();
-    replay?.setTime(now);
+    draw();
   };
   render(<Attempts app={app} session={session} steps={steps} chosen={chosen} seek={seek} through={through} />, element);
   return {
     element, scope,
     setTime(time) {
       now = time;
-      replay?.setTime(time);
+      if (!scope.hidden) draw();
     },
     close() {
       end();

@@ -1,5 +1,5 @@
 // #/rate: what I have to rate; #/rate/SESSION/NUMBER: the ASSET form beside the replay through the scope, without names.
-import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useState } from "preact/hooks";
 import { part } from "../api";
 import type { App } from "../app";
 import { Await, Badge, Button, Empty, Head, toast, toastFault, useLoaded, view, type ViewProps } from "../kit";
@@ -49,27 +49,24 @@ function Rate({ app, session, number }: { app: App; session: string; number: num
 /** From the attempt's first step to its last, through the scope. */
 function Replay({ app, attempt }: { app: App; attempt: AttemptRow }) {
   const words = text.teach.replay;
-  const place = useRef<HTMLDivElement>(null);
-  const replay = useRef<ScopeReplay | undefined>(undefined);
+  const [source, setSource] = useState<FeedSource>();
   const [span, setSpan] = useState<{ from: number; to: number }>();
   const [time, setTime] = useState(0);
   const [playing, setPlaying] = useState(false);
   useLayoutEffect(() => { // what watches ends before the next view watches
     const steps = new StepTimes();
     const end = app.feed.on("moment", ({ step, timeNs }) => steps.add(Number(step), Number(timeNs) * 1e-9));
-    const source = FeedSource.recorded(app.feed, attempt.session, RATE_HZ);
-    const shown = (replay.current = new ScopeReplay(place.current!, source));
-    source.onChange((change) => {
-      if (change !== "progress" || source.progress < 1) return;
+    const recorded = FeedSource.recorded(app.feed, attempt.session, RATE_HZ);
+    setSource(recorded);
+    recorded.onChange((change) => {
+      if (change !== "progress" || recorded.progress < 1) return;
       const from = steps.at(attempt.first_step);
       setSpan({ from, to: Math.max(from, steps.at(attempt.last_step)) });
       setTime(from);
-      shown.setTime(from);
     });
     return () => {
       end();
-      shown.close();
-      source.close();
+      recorded.close();
     };
   }, [attempt.session, attempt.number]);
   useEffect(() => {
@@ -88,9 +85,8 @@ function Replay({ app, attempt }: { app: App; attempt: AttemptRow }) {
     frame = requestAnimationFrame(step);
     return () => cancelAnimationFrame(frame);
   }, [playing, span]);
-  useEffect(() => replay.current?.setTime(time), [time]);
   return <>
-    <div class="rate-picture" ref={place} />
+    <div class="rate-picture">{source && <ScopeReplay source={source} time={time} />}</div>
     <div class="rate-transport">
       <Button icon={playing ? "paused" : "running"} disabled={!span} onClick={() => {
         if (span && time >= span.to) setTime(span.from);

@@ -279,15 +279,10 @@ function trouble({ source }: LiveState): string {
 
 function Do({ app, route, station, live, attempt }: { app: App; route: Route; station: string; live: LiveState; attempt: Attempt }) {
   const words = text.teach.train;
-  const place = useRef<HTMLDivElement>(null);
   const [asked, setAsked] = useState(false);
   const told = useRef({ number: 0, time: 0, at: 0 });
   const now = useTick(200);
   const exam = attempt.purpose === "exam";
-  useLayoutEffect(() => {
-    const scope = new Scope(place.current!, { ...route, args: [station] }, app, { source: live.source, plain: exam });
-    return () => scope.close();
-  }, [live.source, attempt.number]);
   if (told.current.number !== attempt.number || told.current.time !== attempt.time_s) told.current = { number: attempt.number, time: attempt.time_s, at: now };
   const time = Math.min(attempt.limit_s, attempt.time_s + (runs(live) ? (now - told.current.at) / 1000 : 0));
   const met = goalsMet(attempt);
@@ -299,7 +294,7 @@ function Do({ app, route, station, live, attempt }: { app: App; route: Route; st
   const end = (): void => confirm(words.endTitle, words.endHint, words.end, () => send(leaveCommand(station)));
   return (
     <div class="do">
-      <div class="view scope do-scope" ref={place} />
+      <div class="view scope do-scope"><Scope key={attempt.number} route={{ ...route, args: [station] }} app={app} place={{ source: live.source, plain: exam }} /></div>
       <aside class="do-edge" aria-label={attempt.title}>
         <p class="do-title">{attempt.title}</p>
         {!exam && attempt.goals.length > 0 && <div class="do-step" role="status"><p>{next ? words.step(met + 1, attempt.goals.length) : words.allMet}</p><p class="do-goal">{next ? nameInWords(next.name) : ""}</p></div>}

@@ -1,7 +1,9 @@
 // A picture of a session in three dimensions, with what stands over it: the joint as it was at one moment
 // of its source, live or recorded.
+import { render, type ComponentChild } from "preact";
 import { Vector3 } from "three";
 import { LOST, newRow, SEEN, toolAt, WARPED, WORKING } from "./history";
+import { Broken, Loading } from "./kit";
 import { loadKnee, type Knee } from "./scene/anatomy";
 import type { Overlay } from "./scene/overlay";
 import { Joint, USUAL_SHOW, type Marker, type Show } from "./scene/joint";
@@ -10,7 +12,7 @@ import { NoWebGl, View3D } from "./scene/view3d";
 import { Toolbar } from "./scene_tools";
 import { markerAt, type Change, type Source } from "./source";
 import { text } from "./text";
-import { broken, fill, h, loading } from "./ui";
+import { h } from "./ui";
 
 const MEASURED_MOST = 1500; // moments for the maps in one frame
 
@@ -102,31 +104,35 @@ export class Viewport {
     if (!session) {
       this.dropScene();
       this.knee = "";
-      fill(this.state, loading(text.session.waiting));
+      this.say(<Loading what={text.session.waiting} />);
       return;
     }
     const key = `${session.caseName} ${session.caseHash}`;
     if (key === this.knee) return;
     this.knee = key;
     this.dropScene();
-    fill(this.state, loading(text.session.loadingCase(session.caseName)));
+    this.say(<Loading what={text.session.loadingCase(session.caseName)} />);
     loadKnee(session.caseName, key, session.groups).then(
       (knee) => this.knee === key && this.setKnee(knee),
-      () => this.knee === key && fill(this.state, broken(text.session.noCase, text.session.noCaseHint, () => {
+      () => this.knee === key && this.say(<Broken title={text.session.noCase} hint={text.session.noCaseHint} again={() => {
         this.knee = "";
         this.begin();
-      })));
+      }} />));
+  }
+
+  private say(words: ComponentChild): void {
+    render(words, this.state);
   }
 
   private setKnee(knee: Knee): void {
-    fill(this.state);
+    this.say(null);
     const joint = new Joint(knee);
     try {
       this.view = new View3D(this.element, joint, this.name);
     } catch (error) {
       if (!(error instanceof NoWebGl)) throw error;
       joint.dispose();
-      fill(this.state, broken(text.session.noScene, text.session.noSceneHint));
+      this.say(<Broken title={text.session.noScene} hint={text.session.noSceneHint} />);
       return;
     }
     this.joint = joint;

@@ -50,6 +50,8 @@ static int run(int argc, char **argv) {
     }
     if (argc > 1 && !strcmp(argv[1], "read-case"))
         return command_read_case(argc - 1, argv + 1);
+    if (argc > 1 && !strcmp(argv[1], "rehearse"))
+        return command_rehearse(argc - 1, argv + 1);
     for (size_t i = 0; argc > 1 && i < COMMAND_COUNT; i++)
         if (!strcmp(argv[1], commands[i].name))
             return commands[i].run(argc - 1, argv + 1);

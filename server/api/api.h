@@ -46,7 +46,7 @@ struct api_config {
     enum result (*report)(void *user, const struct api_report *about, FILE *file,
                           struct error *err);
     int port;                 // the server's, for stations
-    void *user;               // of `report` and `command`
+    void *user;               // of `report`, `command` and `rehearse`
     case_checker check_case;  // before a case is read here; or NULL
     const struct task *tasks; // the library, as read at the server's start
     int task_count;
@@ -56,6 +56,11 @@ struct api_config {
     // Each attempt of an exam that was just released; NULL: nobody wants to know. From any thread.
     void (*attempt_released)(void *user, struct store *store, const char *session, int number);
     void *attempt_user;
+    // An expert's hands at a task on a case, by their places above: an encoded LiveBatch, which the
+    // api frees. RESULT_MISSING: the task cannot be done on the case. Takes seconds; from one
+    // thread at a time.
+    enum result (*rehearse)(void *user, int task, int knee_case, uint8_t **out_batch,
+                            size_t *out_size, struct error *err);
 };
 
 struct api;
@@ -75,7 +80,7 @@ const char *api_first_secret(const struct api *api);
 void api_answer(void *api, const struct web_request *request, struct web_response *out_response);
 enum result api_enter(void *api, const char *token, struct web_account *out_account);
 
-// is_slow of a web_handler: passwords and reports.
+// is_slow of a web_handler: passwords, reports and rehearsals.
 bool api_is_slow(const char *method, const char *path);
 
 // Notes in the audit log that somebody looks at a trainee's session, once in an hour. actor: as

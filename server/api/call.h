@@ -12,6 +12,7 @@
 #include <stdatomic.h>
 
 struct case_summaries; // case_summary.h
+struct rehearsals;     // rehearsals.h
 
 #define API_REPORTS_MAX 2         // at a time
 #define API_REPORTS_OF_TRAINEES 1 // of these
@@ -27,6 +28,7 @@ struct api {
     char reporting[API_REPORTS_MAX][STORE_NAME_MAX]; // who waits for a report; empty: a free place
     atomic_bool failing; // the log says that accounts cannot be looked up
     struct case_summaries *summaries;
+    struct rehearsals *rehearsals;
     pthread_mutex_t first_lock;
     char first_secret[65]; // guarded by first_lock; empty: none, or used
 };

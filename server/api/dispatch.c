@@ -1,5 +1,6 @@
 #include "api/api.h"
 #include "api/case_summary.h"
+#include "api/rehearsals.h"
 #include "api/routes.h"
 #include "api/secret.h"
 #include "base/check.h"
@@ -38,6 +39,7 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
     api->config = *config;
     api->started_ns = clock_now_ns();
     api->summaries = case_summaries_create(config->cases, config->case_count, config->check_case);
+    api->rehearsals = rehearsals_create(&api->config);
     pthread_mutex_init(&api->reports_lock, NULL);
     pthread_mutex_init(&api->throttle.lock, NULL);
     pthread_mutex_init(&api->tally.lock, NULL);
@@ -58,6 +60,7 @@ void api_destroy(struct api **api) {
     if (!a)
         return;
     case_summaries_destroy(&a->summaries);
+    rehearsals_destroy(&a->rehearsals);
     signer_destroy(&a->signer);
     pthread_mutex_destroy(&a->reports_lock);
     pthread_mutex_destroy(&a->throttle.lock);

@@ -61,6 +61,7 @@ const struct route routes[] = {
     {"PUT",    "/tasks/*/mark",           INSTRUCTOR, put_mark},
     {"GET",    "/tasks/*/trials",         INSTRUCTOR, get_trials},
     {"GET",    "/tasks/*/contrast",       INSTRUCTOR, get_contrast},
+    {"GET",    "/tasks/*/expert",         REVIEW,     get_expert, SLOW},
     {"GET",    "/courses/*/curriculum",   REVIEW,     get_curriculum},
     {"PUT",    "/courses/*/curriculum",   INSTRUCTOR, put_curriculum},
     {"GET",    "/courses/*/progress",     REVIEW,     get_progress},

@@ -20,7 +20,7 @@ struct route {
     const char *path; // behind API_PREFIX; * is one part of any name
     int roles;
     void (*answer)(struct api_call *call); // with the store open
-    bool slow;                             // it encodes a password, or makes a report
+    bool slow;                             // it encodes a password, makes a report, or rehearses
 };
 
 extern const struct route routes[];
@@ -91,6 +91,7 @@ void get_mark(struct api_call *call);
 void put_mark(struct api_call *call);
 void get_trials(struct api_call *call);
 void get_contrast(struct api_call *call);
+void get_expert(struct api_call *call); // expert.c
 void get_curriculum(struct api_call *call);
 void put_curriculum(struct api_call *call);
 void get_progress(struct api_call *call);

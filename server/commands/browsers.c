@@ -3,6 +3,7 @@
 #include "api/api.h"
 #include "base/check.h"
 #include "base/log.h"
+#include "commands/rehearse.h"
 #include "live/live.h"
 #include "review/page.h"
 #include "store/exams.h"
@@ -171,6 +172,20 @@ static enum result write_report(void *sessions, const struct api_report *about, 
     return result;
 }
 
+// The case is read twice there.
+static enum result rehearse(void *sessions, int task, int knee_case, uint8_t **out_batch,
+                            size_t *out_size, struct error *err) {
+    const struct sessions_config *config = sessions_config(sessions);
+    const char *name = library_tasks(sessions_tasks(sessions))[task].name;
+    char path[SESSIONS_PATH_MAX + TASK_NAME_MAX + 8];
+    snprintf(path, sizeof path, "%s/%s.ini", config->tasks_dir, name);
+    const struct rehearse_request request = {.task = path,
+                                             .dir = config->cases[knee_case].dir,
+                                             .case_name = config->cases[knee_case].name,
+                                             .memory_mb = 2 * config->case_memory_mb};
+    return rehearse_apart(&request, out_batch, out_size, err);
+}
+
 // What a browser calls the server: its first name, else its address, else the machine's name where
 // its certificate has that, else what that has.
 static enum result make_link(const struct web_settings *web, char out[LINK_MAX],
@@ -228,6 +243,7 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
         .user = sessions,
         .attempt_released = served->attempt_written,
         .attempt_user = served->attempt_user,
+        .rehearse = rehearse,
         .check_case = served->check_case,
         .port = served->port,
         .tasks = library_tasks(sessions_tasks(sessions)),
@@ -291,6 +307,7 @@ void browsers_destroy(struct browsers **browsers) {
     if (!b)
         return;
     live_server_on_news(b->live, NULL, NULL);
+    rehearse_break_off();
     if (b->web)
         web_destroy(&b->web);
     live_server_destroy(&b->live);

@@ -9,6 +9,7 @@ int command_records(int argc, char **argv);
 int command_backup(int argc, char **argv);
 int command_restore(int argc, char **argv);
 int command_read_case(int argc, char **argv); // hidden: for the server itself
+int command_rehearse(int argc, char **argv);  // too
 
 // Who this is, for the records' audit log: the user of the system.
 const char *records_actor(void);

@@ -1,5 +1,5 @@
-// Reads what comes from outside in a process of its own: a fault of a reader, or a file that asks
-// for all memory, ends that process and nothing else.
+// Reads what comes from outside, or computes, in a process of its own: a fault there, or a file
+// that asks for all memory, ends that process and nothing else.
 //
 // The program starts itself again with a hidden command. That command calls confine_self before it
 // opens a file, and answers on its standard output alone.
@@ -7,12 +7,14 @@
 
 #include "base/result.h"
 
+#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 
 struct confine_limits {
     int memory_mb; // of address space, the program's own included
     int cpu_s;
+    const atomic_bool *cancelled; // once true, confine_run ends the process; NULL: nothing does
 };
 
 // From here on this process gets no more memory and processor time than this. It opens files only

@@ -14,7 +14,8 @@
 #include <unistd.h>
 
 #define END_MS 500
-#define BUSY 10 // a machine on which others compute gives so much less processor time
+#define LOOK_MS 200 // between two looks whether it is cancelled
+#define BUSY 10     // a machine on which others compute gives so much less processor time
 
 extern char **environ;
 
@@ -22,6 +23,7 @@ struct child {
     pid_t pid;
     int from; // its standard output
     int64_t until_ns;
+    const atomic_bool *cancelled;
 };
 
 static enum result start(const char *const arguments[], const struct confine_limits *limits,
@@ -47,6 +49,7 @@ static enum result start(const char *const arguments[], const struct confine_lim
     posix_spawn_file_actions_destroy(&actions);
     close(ends[1]);
     out->from = ends[0];
+    out->cancelled = limits->cancelled;
     out->until_ns = clock_now_ns() + (int64_t)limits->cpu_s * BUSY * NS_PER_S;
     if (!failed)
         return RESULT_OK;
@@ -54,15 +57,16 @@ static enum result start(const char *const arguments[], const struct confine_lim
     return fail(err, RESULT_IO, "a reader cannot be started: %s", strerror(failed));
 }
 
-// False: it took too long.
+// False: it took too long, or is cancelled.
 static bool wait_for_bytes(const struct child *child) {
     struct pollfd from = {.fd = child->from, .events = POLLIN};
-    int64_t left_ms;
     int ready = 0;
-    do {
-        left_ms = (child->until_ns - clock_now_ns()) / NS_PER_MS;
-        ready = left_ms > 0 ? poll(&from, 1, (int)left_ms) : 0;
-    } while (ready < 0 && errno == EINTR);
+    while (ready <= 0 && clock_now_ns() < child->until_ns &&
+           !(child->cancelled && atomic_load(child->cancelled))) {
+        ready = poll(&from, 1, LOOK_MS);
+        if (ready < 0 && errno != EINTR)
+            return false;
+    }
     return ready > 0;
 }
 

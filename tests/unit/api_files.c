@@ -1,6 +1,7 @@
 #include "unit/api_files.h"
 
 #include "api/secret.h"
+#include "base/check.h"
 #include "net/authority.h"
 #include "test.h"
 #include "unit/case_knee.h"
@@ -154,11 +155,27 @@ static void take_released(void *user, struct store *store, const char *session, 
     api_released += number > 0;
 }
 
+int api_rehearsed;
+void (*api_on_rehearse)(void);
+
+static enum result compute_hands(void *user, int task, int knee_case, uint8_t **out_batch,
+                                 size_t *out_size, struct error *why) {
+    (void)user;
+    api_rehearsed++;
+    if (api_on_rehearse)
+        api_on_rehearse();
+    if (task || knee_case)
+        return (fail)(why, RESULT_MISSING, "the hands cannot do it");
+    *out_batch = alloc(5, 1);
+    memcpy(*out_batch, "hands", *out_size = 5);
+    return RESULT_OK;
+}
+
 void api_restart(void) {
     static const char link[] = "https://server.example.org:4880/";
-    const struct api_config config = {records,     keys,  link,   cases, 2,
-                                      stations,    2,     report, 4810,  NULL,
-                                      api_checker, tasks, 2,      obey,  take_released};
+    const struct api_config config = {
+        records, keys,        link,  cases, 2,    stations,      2,    report,       4810,
+        NULL,    api_checker, tasks, 2,     obey, take_released, NULL, compute_hands};
     api_destroy(&the_api);
     assert_ok(api_create(&config, &the_api, &err));
 }

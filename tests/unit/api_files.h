@@ -37,6 +37,10 @@ void api_restart(void);
 // What such a server asks before it reads a case, or NULL; what it does before it writes a report.
 extern case_checker api_checker;
 extern void (*api_on_report)(void);
+// An expert's hands are computed for steady on healthy alone, the bytes "hands": how often that
+// was tried; what happens meanwhile, or NULL.
+extern int api_rehearsed;
+extern void (*api_on_rehearse)(void);
 
 // The attempts of exams that were released.
 extern int api_released;

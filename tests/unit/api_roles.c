@@ -67,6 +67,7 @@ static const struct {
     {"PUT", "/tasks/steady/mark", "i"},
     {"GET", "/tasks/steady/trials", "i"},
     {"GET", "/tasks/steady/contrast?upper=autumn&lower=winter", "i"},
+    {"GET", "/tasks/steady/expert?case=healthy", "ioc"},
     {"GET", "/courses/autumn/curriculum", "ioc"},
     {"PUT", "/courses/autumn/curriculum", "i"},
     {"GET", "/courses/autumn/progress", "ioc"},

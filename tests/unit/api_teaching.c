@@ -624,6 +624,47 @@ static int begin(void **state) {
     return api_begin(state);
 }
 
+// ---- an expert's hands --------------------------------------------------------------------------
+
+static void an_experts_hands_are_computed_once_and_never_during_an_exam(void **state) {
+    (void)state;
+    const char *ada = token_of("ada.l"), *grace = token_of("grace");
+    api_rehearsed = 0;
+    for (int i = 0; i < 2; i++) {
+        must(200, "GET", "/tasks/steady/expert?case=healthy", ada, NULL);
+        assert_int_equal(answer.size, 5);
+        assert_memory_equal(answer.body, "hands", 5);
+    }
+    assert_int_equal(api_rehearsed, 1);
+    must(404, "GET", "/tasks/steady/expert?case=torn", ada, NULL); // that cannot be done
+    must(404, "GET", "/tasks/steady/expert?case=torn", ada, NULL);
+    assert_int_equal(api_rehearsed, 2);
+    must(404, "GET", "/tasks/steady/expert", ada, NULL);
+    must(404, "GET", "/tasks/none/expert?case=healthy", ada, NULL);
+    plan_exam("");
+    must(200, "GET", "/tasks/steady/expert?case=healthy", ada, NULL);
+    begin_exam();
+    must(409, "GET", "/tasks/steady/expert?case=healthy", ada, NULL);
+    must(200, "GET", "/tasks/steady/expert?case=healthy", grace, NULL);
+    assert_int_equal(api_rehearsed, 2);
+}
+
+static int status_meanwhile;
+
+// Another one asks while these are computed.
+static void ask_meanwhile(void) {
+    api_on_rehearse = NULL;
+    status_meanwhile = ask("GET", "/tasks/probing/expert?case=healthy", token_of("grace"), NULL);
+    assert_true(answer.retry_after_s > 0);
+}
+
+static void one_expert_is_computed_at_a_time(void **state) {
+    (void)state;
+    api_on_rehearse = ask_meanwhile;
+    must(200, "GET", "/tasks/steady/expert?case=healthy", token_of("ada.l"), NULL);
+    assert_int_equal(status_meanwhile, 503);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, begin, api_end)
@@ -644,6 +685,8 @@ int main(void) {
         TEST(raters_know_neither_the_trainee_nor_each_other),
         TEST(the_agreement_of_a_course_is_that_of_its_pairs),
         TEST(erasing_a_trainee_erases_attempts_ratings_and_exams),
+        TEST(an_experts_hands_are_computed_once_and_never_during_an_exam),
+        TEST(one_expert_is_computed_at_a_time),
     };
     return cmocka_run_group_tests_name("api_teaching", tests, NULL, NULL);
 }

@@ -238,6 +238,26 @@ static void one_that_says_nothing_for_too_long_is_ended(void **state) {
     assert_int_equal(waitpid(-1, NULL, WNOHANG), -1);
 }
 
+static void *cancel(void *cancelled) {
+    usleep(100000);
+    atomic_store((atomic_bool *)cancelled, true);
+    return NULL;
+}
+
+static void one_that_is_cancelled_is_ended(void **state) {
+    (void)state;
+    static atomic_bool cancelled;
+    const struct confine_limits patient = {.memory_mb = 200, .cpu_s = 100, .cancelled = &cancelled};
+    const char *const arguments[] = {"test-confine", "stay", NULL};
+    pthread_t thread;
+    uint8_t *payload;
+    size_t size;
+    assert_int_equal(pthread_create(&thread, NULL, cancel, &cancelled), 0);
+    assert_int_equal(confine_run(arguments, &patient, 100, &payload, &size, NULL), RESULT_LIMIT);
+    pthread_join(thread, NULL);
+    assert_int_equal(waitpid(-1, NULL, WNOHANG), -1);
+}
+
 // Its standard error is open until it ends.
 static void it_ends_with_the_process_that_started_it(void **state) {
     (void)state;
@@ -271,6 +291,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(what_it_refuses_is_told_in_its_words_on_one_line),
         cmocka_unit_test(one_that_is_ended_or_answers_too_much_leaves_an_error),
         cmocka_unit_test(one_that_says_nothing_for_too_long_is_ended),
+        cmocka_unit_test(one_that_is_cancelled_is_ended),
         cmocka_unit_test(it_ends_with_the_process_that_started_it),
         cmocka_unit_test(an_ignored_signal_of_children_changes_nothing),
     };

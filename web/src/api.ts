@@ -25,9 +25,11 @@ export class Api {
   onSignedOut: () => void = () => {};
 
   get<T>(path: string, query: Query = {}): Promise<T> {
-    const given = Object.entries(query).filter(([, value]) => value !== undefined && value !== "");
-    const search = given.length ? `?${new URLSearchParams(given.map(([key, value]) => [key, String(value)]))}` : "";
-    return this.ask<T>("GET", path + search);
+    return this.ask<T>("GET", path + searchOf(query));
+  }
+
+  async bytes(path: string, query: Query = {}): Promise<Uint8Array> {
+    return new Uint8Array(await (await this.send("GET", path + searchOf(query))).arrayBuffer());
   }
 
   post<T>(path: string, body: object = {}): Promise<T> {
@@ -47,6 +49,11 @@ export class Api {
   }
 
   private async ask<T>(method: string, path: string, body?: object): Promise<T> {
+    const response = await this.send(method, path, body);
+    return (response.status === 204 ? undefined : await response.json().catch(() => undefined)) as T;
+  }
+
+  private async send(method: string, path: string, body?: object): Promise<Response> {
     let response: Response;
     try {
       response = await fetch(`/api/v1${path}`, {
@@ -58,12 +65,17 @@ export class Api {
     } catch {
       throw new Unreachable();
     }
-    const answer: unknown = response.status === 204 ? undefined : await response.json().catch(() => undefined);
-    if (response.ok) return answer as T;
+    if (response.ok) return response;
+    const answer: unknown = await response.json().catch(() => undefined);
     const error = (answer as { error?: { code?: string; text?: string; field?: string } } | undefined)?.error;
     if (error?.code === "not_signed_in") this.onSignedOut();
     throw new ApiError(response.status, error?.code ?? "", error?.text ?? "", error?.field ?? "", Number(response.headers.get("retry-after")) || 0);
   }
+}
+
+function searchOf(query: Query): string {
+  const given = Object.entries(query).filter(([, value]) => value !== undefined && value !== "");
+  return given.length ? `?${new URLSearchParams(given.map(([key, value]) => [key, String(value)]))}` : "";
 }
 
 /** A part of a path. */

@@ -58,7 +58,59 @@ export class NoAnswer extends Error {
   }
 }
 
-export class Feed {
+class Listeners {
+  private readonly listeners = new Map<string, Set<(value: never) => void>>();
+
+  /** Called for each message of that kind, in the order in which they came. Returns what ends it. */
+  on<K extends Kind>(kind: K, listener: (value: ValueOf<K>) => void): () => void {
+    return this.listen(kind, listener);
+  }
+
+  protected listen<V>(kind: string, listener: (value: V) => void): () => void {
+    const all = this.listeners.get(kind) ?? new Set();
+    this.listeners.set(kind, all);
+    all.add(listener as (value: never) => void);
+    return () => all.delete(listener as (value: never) => void);
+  }
+
+  protected tell(kind: string, value: unknown): void {
+    for (const listener of this.listeners.get(kind) ?? []) listener(value as never);
+  }
+}
+
+/** A batch that came in another way: it says its items once, to whoever listens then. */
+export class Batch extends Listeners {
+  private constructor(private readonly items: readonly Live[]) {
+    super();
+  }
+
+  /** Undefined: the bytes are no encoded LiveBatch. */
+  static of(bytes: Uint8Array): Batch | undefined {
+    try {
+      return new Batch(fromBinary(LiveBatchSchema, bytes).items);
+    } catch {
+      return undefined;
+    }
+  }
+
+  play(): void {
+    for (const { message } of this.items) if (message.case !== undefined) this.tell(message.case, message.value);
+  }
+
+  onLink(): () => void {
+    return () => {};
+  }
+
+  watch(): void {}
+
+  unwatch(): void {}
+
+  send(): boolean {
+    return false;
+  }
+}
+
+export class Feed extends Listeners {
   /** By number; kept while the connection is broken, so that a view can show what was last known. */
   readonly stations = new Map<number, StationState>();
   link: Link = { state: "idle" };
@@ -72,13 +124,9 @@ export class Feed {
   private lostAt: number | undefined; // since when nothing comes; until something does
   private drawPending = false;
   private cancelRetry: (() => void) | undefined;
-  private readonly listeners = new Map<string, Set<(value: never) => void>>();
 
-  constructor(private readonly environment: Environment) {}
-
-  /** Called for each message of that kind, in the order in which they came. Returns what ends it. */
-  on<K extends Kind>(kind: K, listener: (value: ValueOf<K>) => void): () => void {
-    return this.listen(kind, listener);
+  constructor(private readonly environment: Environment) {
+    super();
   }
 
   /** Called after each change of `link`. */
@@ -143,17 +191,6 @@ export class Feed {
 
   now(): number {
     return this.environment.now();
-  }
-
-  private listen<V>(kind: string, listener: (value: V) => void): () => void {
-    const all = this.listeners.get(kind) ?? new Set();
-    this.listeners.set(kind, all);
-    all.add(listener as (value: never) => void);
-    return () => all.delete(listener as (value: never) => void);
-  }
-
-  private tell(kind: string, value: unknown): void {
-    for (const listener of this.listeners.get(kind) ?? []) listener(value as never);
   }
 
   private setLink(link: Link): void {

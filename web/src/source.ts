@@ -3,13 +3,13 @@
 import { create } from "@bufbuild/protobuf";
 import {
   MeshAskSchema, MeshStateSchema, Trouble_Kind, Validity, Watch_What,
-  type LiveSession, type Marker, type Metric, type Moment, type Place, type Remark, type Resection,
+  type AttemptState, type LiveSession, type Marker, type Metric, type Moment, type Place, type Remark, type Resection,
 } from "wire";
 import { lastBefore } from "./axes";
 import { whyOf } from "./explain";
 import { History, LIVE_LIMITS, type Limits } from "./history";
 import { FIRST_INSTRUMENT, instrumentsOf, nameOf, type Instruments } from "./instruments";
-import type { Feed, WatchInit } from "./live";
+import { Batch, type Feed, type WatchInit } from "./live";
 import type { Tissue } from "./mesh";
 import { LIVE_MESH_BYTES, Meshes, MeshHistory, type Answer } from "./meshes";
 import { text } from "./text";
@@ -107,6 +107,9 @@ export function noteAt(source: Source, time: number): Remark | undefined {
   return found;
 }
 
+/** What a source needs of a feed. */
+type Said = Pick<Feed, "on" | "onLink" | "watch" | "unwatch" | "send">;
+
 export class FeedSource implements Source {
   session: LiveSession | undefined;
   readonly history: History;
@@ -129,7 +132,7 @@ export class FeedSource implements Source {
   private resectionSpacing = 0.5; // between the older figures of a live session, s
   private readonly ends: (() => void)[];
 
-  private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit, limits?: Limits) {
+  private constructor(private readonly feed: Said, readonly recorded: boolean, watch: WatchInit, limits?: Limits) {
     this.history = new History(limits);
     this.meshes.onPayload = (group, tissue, payload, mismatchSize) => this.keepMesh(group, tissue, payload, mismatchSize);
     this.ends = [
@@ -158,6 +161,17 @@ export class FeedSource implements Source {
   /** caseName: another case to replay the same hands on; "": its own. */
   static recorded(feed: Feed, session: string, rateHz: number, caseName = ""): FeedSource {
     return new FeedSource(feed, true, { what: Watch_What.RECORDED, session, caseName, rateHz, meshes: true, mismatch: true });
+  }
+
+  /** What the items of an encoded LiveBatch say, all at once. Undefined: it cannot be read. */
+  static batch(bytes: Uint8Array): { source: FeedSource; attempt: AttemptState | undefined } | undefined {
+    const batch = Batch.of(bytes);
+    if (!batch) return undefined;
+    let attempt: AttemptState | undefined;
+    const source = new FeedSource(batch, true, {});
+    batch.on("attempt", (told) => (attempt = told));
+    batch.play();
+    return { source, attempt };
   }
 
   close(): void {

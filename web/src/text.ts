@@ -645,6 +645,8 @@ export const text = {
       worst: "Look at again", noErrors: "You made no error.",
       clip: (error: string, at: string) => `${error}, at ${at}`,
       clipOf: (error: string) => `Through the scope: ${error}`,
+      expert: (goal: string) => `An expert at this goal: ${goal}`,
+      expertOf: "Computed hands of an expert",
       missed: "Still to do",
       refused: (why: string) => `The attempt did not begin: ${why}`,
     },

@@ -1,8 +1,11 @@
 // What the teaching pages reckon without a browser: rules of attention, errors to look at, plans, sight.
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { create, toBinary, type MessageInitShape } from "@bufbuild/protobuf";
+import { AttemptStateSchema, LiveBatchSchema, LiveSessionSchema, MomentSchema, ReplayProgressSchema } from "wire";
+import { FeedSource } from "../src/source";
 import { levels, missing, sum, SUM_MOST, type Scores, DOMAINS } from "../src/teach/asset";
-import { casesOf, clipAround, StepTimes, worst, type Today } from "../src/teach/model";
+import { casesOf, clipAround, clipUntil, pursued, StepTimes, worst, type Today } from "../src/teach/model";
 import { sentencesOf } from "../src/teach/limits_words";
 import { add, move, remove, weeksOf } from "../src/teach/plan";
 import { stateOf, type Cell } from "../src/teach/progress";
@@ -140,4 +143,27 @@ test("what a goal asks is told in sentences, in one order, and an unknown number
 test("a quantile lies between its neighbours", () => {
   assert.equal(quantile([4, 1, 3, 2], 0.5), 2.5);
   assert.ok(Number.isNaN(quantile([], 0.5)));
+});
+
+test("beside an error stands the goal that was pursued then, and the expert's six seconds up to it", () => {
+  const goals = [{ name: "horn", met_s: 12 }, { name: "body", met_s: 5 }, { name: "root", met_s: null }, { name: "rim", met_s: null }];
+  assert.deepEqual([3, 8, 12, 13].map((time) => pursued({ goals }, time)), ["body", "horn", "horn", "root"]);
+  assert.equal(pursued({ goals: goals.slice(0, 2) }, 30), "body", "the error came after all goals");
+  assert.equal(pursued({ goals: [] }, 3), undefined);
+  assert.deepEqual(clipUntil(20, 0, 60), { from: 14, to: 20 });
+  assert.deepEqual(clipUntil(2, 0, 60), { from: 0, to: 6 });
+  assert.deepEqual(clipUntil(70, 0, 60), { from: 54, to: 60 });
+});
+
+test("a batch is a whole session: its moments, and the attempt with the goals that were met", () => {
+  const session = create(LiveSessionSchema, { recorded: true, caseName: "healthy", caseHash: 7n });
+  const moments = [0, 1, 2].map((s) => create(MomentSchema, { step: BigInt(s + 1), timeNs: BigInt(s) * 1_000_000_000n, state: 1 }));
+  const attempt = create(AttemptStateSchema, { number: 1, task: "probing", version: 3, goals: [{ name: "horn", metNs: 1_500_000_000n }] });
+  const items = [{ message: { case: "session", value: session } }, ...moments.map((value) => ({ message: { case: "moment", value } })), { message: { case: "attempt", value: attempt } },
+    { message: { case: "progress", value: create(ReplayProgressSchema, { share: 1, done: true }) } }] as MessageInitShape<typeof LiveBatchSchema>["items"];
+  const bytes = toBinary(LiveBatchSchema, create(LiveBatchSchema, { items: items! }));
+  const { source, attempt: told } = FeedSource.batch(bytes)!;
+  assert.deepEqual([source.session?.caseHash, source.history.count, source.history.end, source.progress], [7n, 3, 2, 1]);
+  assert.deepEqual([told?.version, told?.goals[0]?.metNs], [3, 1_500_000_000n]);
+  assert.equal(FeedSource.batch(bytes.subarray(0, bytes.length - 3)), undefined, "cut short");
 });

@@ -68,6 +68,16 @@ async function answerOnTheWall(world, trainee) {
   await page.close();
 }
 
+/** Beside the feedback the hands of an expert go on, through their scope. */
+async function expertPlays(page) {
+  const expert = page.locator(".feedback .expert");
+  await expert.getByText("An expert at this goal").waitFor();
+  const at = async () => Number(await expert.locator("canvas").getAttribute("data-time"));
+  const first = await until("the expert is drawn", at);
+  await until("the expert goes on", async () => Math.abs((await at()) - first) > 0.3);
+  assert.equal(await expert.locator(".scope-state").innerText(), "", "the scope is seen");
+}
+
 async function a_trainee_runs_a_station_alone(world) {
   const { testbed, browser, report } = world;
   const ask = await asker(world);
@@ -97,6 +107,7 @@ async function a_trainee_runs_a_station_alone(world) {
     const ended = performance.now();
     await page.locator("[data-verdict='not yet']").waitFor();
     report.strictMark("feedback_s", (performance.now() - ended) / 1000, "s", FEEDBACK_S);
+    await expertPlays(page);
     await look(world, page, "train-feedback");
     await press(page, "Leave");
     await page.getByRole("heading", { name: "Who trains?" }).waitFor();

@@ -59,6 +59,18 @@ export function clipAround(time: number, start: number, end: number): { from: nu
   return { from, to: Math.min(end, from + CLIP_S) };
 }
 
+/** The six seconds up to a time, and what is left of them before the start after it. */
+export function clipUntil(time: number, start: number, end: number): { from: number; to: number } {
+  const from = Math.max(start, Math.min(time, end) - CLIP_S);
+  return { from, to: Math.min(end, from + CLIP_S) };
+}
+
+/** The goal that was pursued at a time of the attempt: the one met next, else the first that was not met. */
+export function pursued({ goals }: Pick<Attempt, "goals">, time_s: number): string | undefined {
+  const later = goals.filter(({ met_s }) => met_s !== null && met_s >= time_s).sort((a, b) => a.met_s! - b.met_s!);
+  return (later[0] ?? goals.find(({ met_s }) => met_s === null) ?? goals.at(-1))?.name;
+}
+
 /** The errors to look at first: sentinels, then one of each error, the most frequent first; ascending in time among equals. */
 export function worst(attempt: Pick<Attempt, "errors" | "occurrences">, most = 3): Occurrence[] {
   const rank = new Map(attempt.errors.map(({ name, count, sentinel }) => [name, (sentinel ? 1e6 : 0) + count]));

@@ -1,4 +1,5 @@
 // #/train/STATION: the station runs itself. Who, today, briefing, do, feedback; then again, next or leave.
+import { Fragment } from "preact";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import { SessionState } from "wire";
 import type { Account } from "../api";
@@ -12,6 +13,7 @@ import type { CommandInit } from "../live";
 import { routeTo, type Route } from "../router";
 import { FeedSource } from "../source";
 import { Clip } from "../teach/clip";
+import { ExpertClip, prepareExpert, useExpert } from "../teach/expert";
 import { Goals } from "../teach/limits_words";
 import { PlanPicture } from "../teach/plan_picture";
 import { attemptOf, beginCommand, helpCommand, leaveCommand, stopCommand, takeCommand } from "../teach/live_attempt";
@@ -226,6 +228,9 @@ function Briefing({ app, station, live, chosen, back }: { app: App; station: str
   const [fault, setFault] = useState("");
   const [busy, setBusy] = useState(false);
   useTick(250);
+  useEffect(() => {
+    if (here) prepareExpert(app, task.name, here);
+  }, [task.name, here]);
   const tools = (task.tools?.length ? task.tools : USUAL_TOOLS).map((name) => ({ name, seen: live !== undefined && isSeen(live, name) }));
   const ready = tools.every(({ seen }) => seen);
   const send = async (command: CommandInit, refused: (why: string) => string): Promise<void> => {
@@ -317,6 +322,7 @@ function Feedback({ app, live, attempt, leave, again, next }: { app: App; live: 
   const heading = useRef<HTMLHeadingElement>(null);
   useEffect(() => heading.current?.focus(), [attempt.number]);
   const bad = useMemo(() => worst(attempt), [attempt]);
+  const expert = useExpert(app, attempt, live.source.session);
   const withheld = attempt.purpose === "exam" || attempt.verdict === "open";
   if (withheld)
     return (
@@ -346,14 +352,16 @@ function Feedback({ app, live, attempt, leave, again, next }: { app: App; live: 
           {met < attempt.goals.length && <div><h3>{words.missed}</h3><ul class="goals">{attempt.goals.filter(({ met_s }) => met_s === null).map((goal) => <li key={goal.name}>{name(goal.name)}</li>)}</ul></div>}
         </div>
         <div class="feedback-errors"><h3>{words.worst}</h3>
-          {bad.length === 0 ? <p>{words.noErrors}</p> : <ol class="feedback-clips">{bad.map((one, at) => {
+          {bad.length === 0 && <p>{words.noErrors}</p>}
+          <ol class="feedback-clips">{bad.length === 0 && expert && met < attempt.goals.length && <ExpertClip expert={expert} own={attempt} time_s={attempt.time_s} />}{bad.map((one, at) => {
             const still = live.steps.at(one.step);
             const { from, to } = clipAround(still, history.start, history.end);
-            return (
-              <li key={one.step}><button type="button" class="button wide" aria-pressed={clip === at} onClick={() => setClip(clip === at ? undefined : at)}>
+            return <Fragment key={one.step}>
+              <li><button type="button" class="button wide" aria-pressed={clip === at} onClick={() => setClip(clip === at ? undefined : at)}>
                 <Icon name={clip === at ? "paused" : "running"} />{words.clip(name(one.error), format.clock(one.time_s))}</button>
-                <Clip source={live.source} from={from} to={to} still={still} playing={clip === at} label={words.clipOf(name(one.error))} /></li>);
-          })}</ol>}
+                <Clip source={live.source} from={from} to={to} still={still} playing={clip === at} label={words.clipOf(name(one.error))} /></li>
+              {clip === at && expert && <ExpertClip expert={expert} own={attempt} time_s={one.time_s} />}</Fragment>;
+          })}</ol>
         </div>
       </div>
       <div class="train-actions">

@@ -136,6 +136,8 @@ class Walker:
 
 
 class Crawl(Hall, Siege):
+    more_cases = ("arthrosis",)
+
     def setUp(self):
         super().setUp()
         self.server = self.serve(STATIONS)

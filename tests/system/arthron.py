@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import re
 import signal
 import socket
 import subprocess
@@ -119,6 +120,8 @@ class Process:
 class SystemTest(unittest.TestCase):
     """A folder with keys and cases; mock-up, server and station on demand."""
 
+    more_cases = ()  # that the server has beside those of its stations: its start reads each of them
+
     @classmethod
     def setUpClass(cls):
         cls.shared = tempfile.TemporaryDirectory(prefix="arthron-test-")
@@ -175,6 +178,9 @@ class SystemTest(unittest.TestCase):
         return self.write("faults.ini", text)
 
     def server_config(self, stations="", extra=""):
+        stations = stations or "[station room-1]\ncase = arthrosis\n"
+        names = {*re.findall(r"^case = (healthy|arthrosis)$", stations, re.MULTILINE), *self.more_cases}
+        cases = "".join(f"[case {name}]\ndir = {self.cases}/{name}\n" for name in sorted(names))
         return self.write("server.ini", f"""
 [server]
 address = 127.0.0.1
@@ -185,11 +191,7 @@ keys = keys
 traces = traces
 socket = s
 {extra}
-[case healthy]
-dir = {self.cases}/healthy
-[case arthrosis]
-dir = {self.cases}/arthrosis
-{stations or '[station room-1]' + chr(10) + 'case = arthrosis'}
+{cases}{stations}
 """)
 
     def start_server(self, stations="", extra="", options=()):

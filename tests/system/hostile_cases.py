@@ -56,6 +56,7 @@ class HostileCases(SystemTest):
 
     def test_a_case_that_cannot_be_read_keeps_out_its_own_stations_alone(self):
         stations = self.stations("greedy", "torn") + "[station room-1]\ncase = arthrosis\n"
+        self.more_cases = ("healthy",)
         server = self.start_server(stations, "case_memory_mb = 300")
         self.assertRegex(server.log(), "error sessions: case greedy: .*more (than 300 MB of )?memory")
         self.assertRegex(server.log(), "error sessions: case torn: .*no session opens on it")

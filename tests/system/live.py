@@ -16,6 +16,8 @@ PUNCH = 5
 
 
 class Live(Bites):
+    more_cases = ("healthy",)
+
     def server_config(self, stations="", extra=""):
         self.web_port = getattr(self, "web_port", None) or free_port()
         return super().server_config(stations, extra + f"records = records.db\n[web]\nport = {self.web_port}\n")

@@ -126,6 +126,7 @@ class Path(SystemTest):
 
     def test_sessions_are_commanded_over_the_local_socket(self):
         self.start_mockup()
+        self.more_cases = ("healthy",)
         self.start_server("[station room-1]\ncase = arthrosis\nstart = command")
         self.enrol("room-1")
         self.start_station()
@@ -201,6 +202,7 @@ class Strangers(SystemTest):
         found["findings"].insert(0, {"level": "fault", "where": "femur", "text": "faces too much"})
         with open(f"{bad}/check.json", "w") as f:
             json.dump(found, f)
+        self.more_cases = ("healthy",)
         stations = f"[case bad]\ndir = {bad}\n[station room-1]\ncase = {{}}"
         self.start_mockup()
         server = self.start_server(stations.format("bad"))
@@ -295,7 +297,7 @@ class Configs(SystemTest):
             self.assertIn(text, done.stderr)
 
     def test_bad_server_configs_are_refused_by_file_line_section_and_key(self):
-        good = text_of(self.server_config())
+        good = text_of(self.server_config("[station room-1]\ncase = arthrosis\n[station room-2]\ncase = healthy\n"))
         for change, texts in (
             (("port = ", "prot = "), ("server.ini", "line", "[server]", "prot")),
             ((f"port = {self.port}", "port = 70000"), ("[server]", "port", "70000")),

@@ -171,6 +171,7 @@ class Records(SystemTest):
             ("server", "open", third), (user, "start", third), ("server", "end", third)])
 
     def test_a_changed_case_and_a_refused_undo_are_in_the_audit_log_and_other_refused_commands_are_not(self):
+        self.more_cases = ("healthy",)
         self.start_room()
         self.session_command("case", "room-1", "healthy")
         session = self.session()["id"]

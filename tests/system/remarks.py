@@ -9,6 +9,8 @@ from example_trace import figures_of, figures_of_info
 
 
 class Remarks(SystemTest):
+    more_cases = ("healthy",)
+
     def setUp(self):
         super().setUp()
         self.start_mockup()

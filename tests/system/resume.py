@@ -221,11 +221,7 @@ class Resume(Bites):
         self.wait_for_steps()
         first = self.session()
         self.server.end()
-        config = self.server_config("[station room-1]\ncase = healthy")
-        with open(config) as f:
-            without = f.read().replace(f"[case arthrosis]\ndir = {self.cases}/arthrosis\n", "")
-        self.server = self.start("server", "arthron-server", "run", "--config", self.write("server.ini", without))
-        self.server.wait_for_log("ready")
+        self.server = self.start_server("[station room-1]\ncase = healthy")
         wait_until("a session", lambda: self.session()["steps"] > 0, 30)
         self.assertEqual(self.session()["case"], "healthy")
         self.assertNotEqual(self.session()["id"], first["id"])

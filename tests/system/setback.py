@@ -183,10 +183,7 @@ class SetBack(Bites):
         self.wait_for_steps()
         trace = self.session()["trace"]
         self.server.end()
-        with open(self.server_config("[station room-1]\ncase = healthy")) as f:
-            without = f.read().replace(f"[case arthrosis]\ndir = {self.cases}/arthrosis\n", "")
-        self.server = self.start("server", "arthron-server", "run", "--config", self.write("server.ini", without))
-        self.server.wait_for_log("ready")
+        self.server = self.start_server("[station room-1]\ncase = healthy")
         self.assertIn("has not its case", self.refused("copy", "room-1", "--from", trace))
 
 

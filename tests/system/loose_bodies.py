@@ -9,11 +9,10 @@ import os
 import time
 import unittest
 
-from arthron import CASES, PATIENCE_S, SystemTest, call, call_json, free_port, wait_until
+from arthron import CASES, PATIENCE_S, SOURCE, SystemTest, call, call_json, free_port, wait_until
 from page import STATION, Browser
 from websocket import Viewer
 
-CASE = os.path.join(CASES, "loose-bodies")
 TASK = """
 [task]
 title = One loose body
@@ -55,6 +54,12 @@ def between(a, b):
 
 
 class Loose(SystemTest):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.case = os.path.join(cls.shared.name, "loose-bodies")
+        call("arthron-case", "generate", os.path.join(SOURCE, "cases/loose-bodies"), "--out", cls.case)
+
     def setUp(self):
         super().setUp()
         self.view_port = free_port()
@@ -99,7 +104,7 @@ class Loose(SystemTest):
     def check_recording(self, trace, rows):
         import mcap
         out = self.path("a.mcap")
-        call("arthron-trace", "export", trace, "--mcap", out, "--case", CASE)
+        call("arthron-trace", "export", trace, "--mcap", out, "--case", self.case)
         topics = mcap.read_recording(out)["topics"]
         told = [m for _, m in topics["/loose/loose_1"]["messages"]]
         self.assertEqual(topics["/loose/loose_1"]["schema"], "arthron.session.Loose")
@@ -116,9 +121,9 @@ class Loose(SystemTest):
 
     def test_a_grasper_takes_a_loose_body_out(self):
         task, self.motion = self.write("one.ini", TASK), self.path("one.csv")
-        call("arthron-case", "motion", self.write("hands.ini", HANDS), "--case", CASE, "--out", self.motion)
+        call("arthron-case", "motion", self.write("hands.ini", HANDS), "--case", self.case, "--out", self.motion)
         self.start_mockup()
-        server = self.start_server(stations=f"[case loose-bodies]\ndir = {CASE}\n[station room-1]\ncase = loose-bodies\n")
+        server = self.start_server(stations=f"[case loose-bodies]\ndir = {self.case}\n[station room-1]\ncase = loose-bodies\n")
         self.enrol("room-1")
         browser = Browser(self.web_port, self.path("keys/authority.pem"))
         browser.first(server.log())

@@ -5,7 +5,7 @@ import os
 
 from arthron import CASES, SOURCE, call
 
-for recipe in ("healthy", "arthrosis", "loose-bodies"):
+for recipe in ("healthy", "arthrosis"):
     call("arthron-case", "generate", os.path.join(SOURCE, "cases", recipe), "--out", os.path.join(CASES, recipe))
 call("arthron-case", "motion", os.path.join(SOURCE, "cases/motions/palpation.ini"), "--case",
      os.path.join(CASES, "healthy"), "--out", os.path.join(CASES, "palpation.csv"))

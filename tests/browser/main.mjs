@@ -27,8 +27,8 @@ import { tests as throttle } from "./tests/throttle.mjs";
 // Each line's suites run side by side, so they use different stations. The tests that sign in come first, those of
 // views without a session before all stations run, and those that stop the server last.
 const STAGES = [
-  { runner: runs }, { "sign-in": signIn }, { wall, station }, { scope }, { force }, { teach }, { debrief }, { memory, views }, { keyboard }, { load }, { people },
-  { restart }, { throttle },
+  { runner: runs }, { "sign-in": signIn }, { wall, station }, { scope }, { force }, { teach }, { debrief }, { memory, people }, { views },
+  { keyboard }, { load }, { restart }, { throttle },
 ];
 
 const { values: options } = parseArgs({ options: {

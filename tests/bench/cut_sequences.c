@@ -190,16 +190,19 @@ static void report_cuts(const struct cut_plan *plan, struct report *report,
     report_lengths(plan, report, measured);
 }
 
-static void add_to_totals(const struct cut_plan *plan, const struct measured *measured,
+static void add_to_totals(const struct cut_plan *plan, struct measured *measured,
                           struct cut_totals *totals) {
     if (!measured->crossings_before) { // where a scan folds, what is cut out of it folds as well
         totals->crossings_15 = larger(totals->crossings_15, measured->crossings[0]);
         totals->crossings_300 = larger(totals->crossings_300, measured->crossings[2]);
     }
-    for (size_t i = 0; i < measured->ms.count && plan->is_20k; i++) {
-        samples_add(&totals->ms_20k, measured->ms.values[i]);
-        samples_add(&totals->delta_share, measured->delta_bytes.values[i] / measured->whole_bytes);
+    if (plan->is_timed) {
+        totals->p50_ms = fmax(totals->p50_ms, samples_quantile(&measured->own_ms, 0.5));
+        totals->p95_ms = fmax(totals->p95_ms, samples_quantile(&measured->own_ms, 0.95));
+        totals->max_ms = fmax(totals->max_ms, samples_max(&measured->own_ms));
     }
+    for (size_t i = 0; i < measured->delta_bytes.count && plan->is_20k; i++)
+        samples_add(&totals->delta_share, measured->delta_bytes.values[i] / measured->whole_bytes);
 }
 
 static int crossings_of(const struct mesh *mesh) {

@@ -3,16 +3,18 @@
 #include "apart.h"
 #include "base/check.h"
 #include "cutting/crossings.h"
+#include "fine_knee.h"
+#include "kernel_time.h"
 #include "match/conform.h"
 #include "match/mismatch.h"
 #include "meniscectomy.h"
 #include "paper.h"
+#include "samples.h"
 #include "touch_moves.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #define COLUMN_MM 0.08
 
@@ -24,6 +26,7 @@ struct scene_of_cuts {
     const struct blade_move *moves;
     int move_count;
     enum scene_kind kind;
+    bool is_timed; // its times count
 };
 
 struct touched {
@@ -36,12 +39,6 @@ struct touched {
     uint32_t crossings_first;
     double error, left_mm3, sheet_mm3;
 };
-
-static double thread_ms(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return 1e3 * (double)now.tv_sec + 1e-6 * (double)now.tv_nsec;
-}
 
 static enum result touched_init(struct touched *t, const struct case_group *group,
                                 struct error *err) {
@@ -211,8 +208,8 @@ static enum result look_back(const struct scene_of_cuts *scene, struct touched *
         worst->error = fmax(worst->error, t->error);
     }
     worst->crossings += crossings_of(t);
-    for (size_t i = 0; scene->kind != SCENE_THROUGH && i < t->ms.count; i++)
-        samples_add(&worst->ms, t->ms.values[i]);
+    if (scene->is_timed)
+        worst->p50_ms = fmax(worst->p50_ms, samples_quantile(&t->ms, 0.5));
     report_scene(report, scene, t, &m, share, apart);
     samples_fini(&apart[0]);
     samples_fini(&apart[1]);
@@ -245,7 +242,7 @@ struct touring {
 };
 
 static enum result fifteen_bites(const struct touring *tour, const struct knee_case *knee,
-                                 struct error *err) {
+                                 bool is_real, struct error *err) {
     struct meniscectomy m;
     struct touched t;
     char name[CASE_NAME_MAX + 16];
@@ -253,8 +250,8 @@ static enum result fifteen_bites(const struct touring *tour, const struct knee_c
     if (result != RESULT_OK)
         return result;
     snprintf(name, sizeof name, "%s, through", knee->name);
-    struct scene_of_cuts bites = {knee->name, m.group, m.bites, BITE_COUNT, SCENE_BITES};
-    struct scene_of_cuts through = {name, m.group, NULL, 0, SCENE_THROUGH};
+    struct scene_of_cuts bites = {knee->name, m.group, m.bites, BITE_COUNT, SCENE_BITES, is_real};
+    struct scene_of_cuts through = {name, m.group, NULL, 0, SCENE_THROUGH, false};
     result = cut_all(&bites, &t, err);
     if (result == RESULT_OK)
         result = look_back(&bites, &t, tour->report, tour->worst, err);
@@ -277,20 +274,34 @@ static enum result play(const struct touring *tour, const struct scene_of_cuts *
     return result;
 }
 
-// dir: of a case; NULL: the generated knee.
-static enum result resection(const struct touring *tour, const char *dir, const char *recipe,
+struct resecting {
+    const char *dir, *recipe; // dir: of a case; NULL: the generated knee
+    bool is_fine;             // generated as fine_knee.h has it
+};
+
+static void name_scene(const struct resecting *r, const struct knee_case *knee, size_t size,
+                       char *out) {
+    const char *of = r->dir ? knee->name : r->is_fine ? "20k" : "";
+    snprintf(out, size, "%s%s%s", of, *of ? ", " : "", r->recipe);
+}
+
+static enum result resection(const struct touring *tour, const struct resecting *r,
                              struct error *err) {
     struct knee_case *knee;
     struct touch_moves moves;
     char name[2 * CASE_NAME_MAX];
-    enum result result = touch_resection(dir, recipe, &knee, &moves, err);
+    enum result result = touch_resection(r->dir, r->recipe, &knee, &moves, err);
+    if (result == RESULT_OK && r->is_fine) {
+        case_destroy(&knee);
+        result = fine_knee(r->recipe, &knee, err);
+    }
     if (result != RESULT_OK)
-        return fail_in(err, result, "%s: ", recipe);
-    snprintf(name, sizeof name, "%s%s%s", dir ? knee->name : "", dir ? ", " : "", recipe);
-    struct scene_of_cuts scene = {name, case_group(knee, moves.group), moves.moves, moves.count,
-                                  SCENE_RESECTION};
+        return fail_in(err, result, "%s: ", r->recipe);
+    name_scene(r, knee, sizeof name, name);
+    struct scene_of_cuts scene = {name,        case_group(knee, moves.group), moves.moves,
+                                  moves.count, SCENE_RESECTION,               r->dir || r->is_fine};
     result = scene.group ? play(tour, &scene, err)
-                         : fail(err, RESULT_MISSING, "%s: nothing was cut", recipe);
+                         : fail(err, RESULT_MISSING, "%s: nothing was cut", r->recipe);
     free(moves.moves);
     case_destroy(&knee);
     return result;
@@ -301,10 +312,10 @@ static enum result measure_knee(const struct touring *tour, const char *dir, str
     enum result result = dir ? case_load(dir, NULL, &knee, err) : paper_knee("healthy", &knee, err);
     if (result != RESULT_OK)
         return result;
-    result = fifteen_bites(tour, knee, err);
+    result = fifteen_bites(tour, knee, dir != NULL, err);
     int count = tour->options->quick ? 1 : RESECTION_COUNT;
     for (int i = 0; result == RESULT_OK && i < count; i++)
-        result = resection(tour, dir, resections[i], err);
+        result = resection(tour, &(struct resecting){dir, resections[i], false}, err);
     if (result != RESULT_OK)
         result = fail_in(err, result, "%s: ", knee->name);
     case_destroy(&knee);
@@ -316,6 +327,9 @@ enum result touch_measure(const struct bench_options *options, struct report *re
     struct touring tour = {options, report, out_worst};
     *out_worst = (struct touch_worst){0};
     enum result result = measure_knee(&tour, NULL, err);
+    int fine = options->quick ? 1 : FINE_LESIONS;
+    for (int i = 0; result == RESULT_OK && i < fine; i++)
+        result = resection(&tour, &(struct resecting){NULL, fine_lesions[i], true}, err);
     for (int i = 0; result == RESULT_OK && i < options->input_count; i++)
         result = measure_knee(&tour, options->inputs[i], err);
     return result;

@@ -3,7 +3,6 @@
 #pragma once
 
 #include "bench.h"
-#include "samples.h"
 
 enum scene_kind {
     SCENE_BITES,   // fifteen
@@ -16,7 +15,7 @@ struct touch_worst {
     double share[SCENE_KINDS];    // mismatch over what was cut
     double surface_p95_mm, error; // of all but SCENE_THROUGH; error of the volume, over the whole
     double crossings;             // of S'' with itself, where S' has none
-    struct samples ms;
+    double p50_ms;                // of fits: fine generated menisci, and those of cases
 };
 
 // Adds the scenes' figures to the report. Without a case on the command line, the generated knee.

@@ -20,6 +20,18 @@ struct soup_triangle {
     bool mark;   // the caller's
 };
 
+// What a search asks first of a triangle, in one line of the cache.
+struct soup_bound {
+    vec3 normal; // NaN where the triangle is never the closest
+    double offset; // of its plane
+    float low[3], high[3]; // its box, or a hair more
+    uint32_t stamp; // of the last search that has seen it
+};
+
+struct soup_cells {
+    uint16_t low[3], high[3];
+};
+
 // Zeroed: empty. Memory is kept from one use to the next.
 struct soup {
     struct soup_triangle *at;
@@ -28,8 +40,12 @@ struct soup {
     double cell;
     int size[3];
     uint32_t *first, first_room; // of a cell's entries
-    uint32_t *entries, entry_room;
-    uint32_t *stamps, stamp_room, stamp; // of triangles that a search has seen
+    uint8_t *faces;              // of a cell: which faces of a cube its normals look through
+    uint32_t *entries, entry_room, face_room;
+    struct soup_bound *bounds; // by triangle, as what follows
+    struct soup_cells *cells;
+    struct box *rooms; // a marked triangle lies in its cells while its box is in this
+    uint32_t bound_room, cell_room, room_room, stamp;
 };
 
 void soup_fini(struct soup *soup);
@@ -37,6 +53,8 @@ void soup_clear(struct soup *soup);
 // A triangle without area is near what it is near, but never the closest.
 void soup_add(struct soup *soup, const vec3 corners[3], uint32_t id, bool mark);
 void soup_build(struct soup *soup); // to be called after the last one was added
+// Puts a marked triangle elsewhere. False: it has left its cells, and soup_build is due.
+bool soup_move(struct soup *soup, uint32_t index, const vec3 corners[3]);
 
 // Twice the area as a vector.
 static inline vec3 soup_area2(const vec3 c[3]) {

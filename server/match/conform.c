@@ -30,6 +30,7 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->reach, count);
     NEW(c->ring, count);
     NEW(c->tied, count);
+    NEW(c->moves, count);
     NEW(c->active, count);
     NEW(c->changed, count);
     NEW(c->queue, count);
@@ -54,6 +55,8 @@ struct conform *conform_create(const struct match_surface *surface) {
     NEW(c->live_of, surface->triangle_count);
     NEW(c->live, surface->triangle_count);
     NEW(c->near, surface->triangle_count);
+    NEW(c->beside, surface->triangle_count);
+    NEW(c->self_of, surface->triangle_count);
     NEW(c->pulls, PULLS_PER_TRIANGLE * (size_t)surface->triangle_count);
     NEW(c->rows, surface->triangle_count);
     memcpy(c->positions, surface->start, surface->vertex_count * sizeof *c->positions);
@@ -84,7 +87,8 @@ void conform_destroy(struct conform **conform) {
         c->columns,   c->blocks,   c->diagonal,     c->inverse,        c->bending,   c->gradient,
         c->step,      c->along,    c->residual,     c->preconditioned, c->direction, c->product,
         c->bent,      c->live_of,  c->live,         c->near,           c->pulls,     c->rows,
-        c->samples,   c->contacts, c->laid,         c->laid_before};
+        c->samples,   c->contacts, c->laid,         c->laid_before,    c->moves,     c->beside,
+        c->self_of};
     for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
         free(arrays[i]);
     soup_fini(&c->target);

@@ -91,6 +91,11 @@ struct conform {
     uint32_t *near;   // triangles of S'' around the cut, ascending
     uint32_t *changed;
     uint32_t active_count, live_count, near_count;
+    bool is_made;      // self and normals have what is near and live: only its places are old
+    uint8_t *moves;    // by vertex: a corner of a live triangle
+    uint32_t *beside;  // of what is near, the triangles with such a corner, ascending
+    uint32_t *self_of; // of a live triangle, its index in self
+    uint32_t beside_count;
     struct box zone;
     vec3 origin;              // of volumes
     struct soup target, self; // T without films, S'' near it

@@ -45,6 +45,7 @@ static void target_corners(const struct mesh *mesh, uint32_t t, vec3 out[3]) {
 
 static void gather_near(struct conform *c) {
     c->near_count = 0;
+    c->is_made = false;
     for (uint32_t t = 0; t < c->surface->triangle_count; t++) {
         vec3 corners[3];
         conform_corners(c, t, corners);
@@ -116,27 +117,79 @@ bool conform_gather(struct conform *c, const struct conform_target *target) {
     return c->near_count > 0;
 }
 
-void conform_make_self(struct conform *c) {
-    soup_clear(&c->self);
-    for (uint32_t i = 0; i < c->near_count; i++)
-        for (int k = 0; k < 3; k++)
-            c->normals[c->surface->triangles[3 * (size_t)c->near[i] + (size_t)k]] = (vec3){0};
-    for (uint32_t i = 0; i < c->near_count; i++) {
-        vec3 corners[3];
-        conform_corners(c, c->near[i], corners);
-        soup_add(&c->self, corners, c->near[i], c->live_of[c->near[i]] != MESH_NONE);
-        vec3 area2 = soup_area2(corners);
+// Sums of areas over the triangles, for the vertices that are chosen, or all; in the order of ids.
+static void find_normals(struct conform *c, const uint32_t *triangles, uint32_t count,
+                         const uint8_t *chosen) {
+    const uint32_t *corners = c->surface->triangles;
+    for (uint32_t i = 0; i < count; i++)
         for (int k = 0; k < 3; k++) {
-            uint32_t v = c->surface->triangles[3 * (size_t)c->near[i] + (size_t)k];
-            c->normals[v] = vec3_add(c->normals[v], area2);
+            uint32_t v = corners[3 * (size_t)triangles[i] + (size_t)k];
+            if (!chosen || chosen[v])
+                c->normals[v] = (vec3){0};
+        }
+    for (uint32_t i = 0; i < count; i++) {
+        vec3 points[3];
+        conform_corners(c, triangles[i], points);
+        vec3 area2 = soup_area2(points);
+        for (int k = 0; k < 3; k++) {
+            uint32_t v = corners[3 * (size_t)triangles[i] + (size_t)k];
+            if (!chosen || chosen[v])
+                c->normals[v] = vec3_add(c->normals[v], area2);
         }
     }
-    for (uint32_t i = 0; i < c->near_count; i++)
+    for (uint32_t i = 0; i < count; i++)
         for (int k = 0; k < 3; k++) {
-            uint32_t v = c->surface->triangles[3 * (size_t)c->near[i] + (size_t)k];
-            c->normals[v] = vec3_unit_or(c->normals[v], (vec3){0});
+            uint32_t v = corners[3 * (size_t)triangles[i] + (size_t)k];
+            if (!chosen || chosen[v])
+                c->normals[v] = vec3_unit_or(c->normals[v], (vec3){0});
         }
+}
+
+// What moves: corners of live triangles, and the triangles around them.
+static void choose_beside(struct conform *c) {
+    const uint32_t *corners = c->surface->triangles;
+    memset(c->moves, 0, c->surface->vertex_count);
+    c->beside_count = 0;
+    for (uint32_t i = 0; i < c->live_count; i++)
+        for (int k = 0; k < 3; k++)
+            c->moves[corners[3 * (size_t)c->live[i] + (size_t)k]] = 1;
+    for (uint32_t i = 0; i < c->near_count; i++) {
+        const uint32_t *v = corners + 3 * (size_t)c->near[i];
+        if (c->moves[v[0]] || c->moves[v[1]] || c->moves[v[2]])
+            c->beside[c->beside_count++] = c->near[i];
+    }
+}
+
+static void make_all(struct conform *c) {
+    soup_clear(&c->self);
+    for (uint32_t i = 0; i < c->near_count; i++) {
+        vec3 corners[3];
+        uint32_t live = c->live_of[c->near[i]];
+        conform_corners(c, c->near[i], corners);
+        if (live != MESH_NONE)
+            c->self_of[live] = i;
+        soup_add(&c->self, corners, c->near[i], live != MESH_NONE);
+    }
     soup_build(&c->self);
+    find_normals(c, c->near, c->near_count, NULL);
+    choose_beside(c);
+    c->is_made = true;
+}
+
+static void move_live(struct conform *c) {
+    bool stayed = true;
+    for (uint32_t i = 0; i < c->live_count; i++) {
+        vec3 corners[3];
+        conform_corners(c, c->live[i], corners);
+        stayed &= soup_move(&c->self, c->self_of[i], corners);
+    }
+    if (!stayed)
+        soup_build(&c->self);
+    find_normals(c, c->beside, c->beside_count, c->moves);
+}
+
+void conform_make_self(struct conform *c) {
+    (c->is_made ? move_live : make_all)(c);
 }
 
 // ---- seeds --------------------------------------------------------------------------------------
@@ -254,6 +307,7 @@ void conform_activate(struct conform *c) {
         }
     c->active_count = count;
     c->live_count = 0;
+    c->is_made = false;
     for (uint32_t i = 0; i < c->near_count; i++) {
         const uint32_t *v = c->surface->triangles + 3 * (size_t)c->near[i];
         if (c->slot[v[0]] == MESH_NONE && c->slot[v[1]] == MESH_NONE && c->slot[v[2]] == MESH_NONE)

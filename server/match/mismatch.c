@@ -49,10 +49,19 @@ static struct span span_of(const struct convex *part, double x, double y) {
     return span;
 }
 
+#define EDGE_MM 1e-6 // beside a part's box nothing of it is over x, y, whatever rounding does
+
+static bool may_be_over(const struct convex *part, double x, double y) {
+    return x >= part->box.min.x - EDGE_MM && x <= part->box.max.x + EDGE_MM &&
+           y >= part->box.min.y - EDGE_MM && y <= part->box.max.y + EDGE_MM;
+}
+
 // Sorted, those that overlap joined; how many.
 static int clefts_over(const struct mismatch_setting *s, double x, double y, struct span *out) {
     int count = 0, joined = 0;
     for (int i = 0; i < s->cleft_count; i++) {
+        if (!may_be_over(&s->clefts[i], x, y))
+            continue;
         struct span span = span_of(&s->clefts[i], x, y);
         int at = count;
         if (!(span.low < span.high))

@@ -14,13 +14,6 @@ struct crossings {
     size_t count, capacity;
 };
 
-static int by_column_and_height(const void *left, const void *right) {
-    const struct column_crossing *a = left, *b = right;
-    if (a->column != b->column)
-        return a->column < b->column ? -1 : 1;
-    return (a->height > b->height) - (a->height < b->height);
-}
-
 static void add_crossing(struct crossings *crossings, size_t column, double height) {
     if (crossings->count == crossings->capacity) {
         crossings->capacity = 2 * crossings->capacity + 4096;
@@ -52,14 +45,24 @@ static bool height_over(const vec3 *points, const uint32_t *t, double x, double 
     return true;
 }
 
+static double least(double a, double b, double c) {
+    double low = a < b ? a : b;
+    return low < c ? low : c;
+}
+
+static double most(double a, double b, double c) {
+    double high = a > b ? a : b;
+    return high > c ? high : c;
+}
+
 static void cross_triangle(const struct columns *columns, const vec3 *points, const uint32_t *t,
                            struct crossings *crossings) {
     vec3 a = points[t[0]], b = points[t[1]], c = points[t[2]];
     double step = columns->step, z;
-    int i0 = (int)ceil((fmin(a.x, fmin(b.x, c.x)) - columns->x) / step);
-    int i1 = (int)floor((fmax(a.x, fmax(b.x, c.x)) - columns->x) / step);
-    int j0 = (int)ceil((fmin(a.y, fmin(b.y, c.y)) - columns->y) / step);
-    int j1 = (int)floor((fmax(a.y, fmax(b.y, c.y)) - columns->y) / step);
+    int i0 = (int)ceil((least(a.x, b.x, c.x) - columns->x) / step);
+    int i1 = (int)floor((most(a.x, b.x, c.x) - columns->x) / step);
+    int j0 = (int)ceil((least(a.y, b.y, c.y) - columns->y) / step);
+    int j1 = (int)floor((most(a.y, b.y, c.y) - columns->y) / step);
     for (int j = j0; j <= j1; j++)
         for (int i = i0; i <= i1; i++)
             if (height_over(points, t, columns->x + i * step, columns->y + j * step, &z))
@@ -81,23 +84,38 @@ static void place_lattice(struct columns *columns, const struct mesh *mesh, cons
                                 .ny = ny};
 }
 
+// Few have more than two.
+static void sort_few(double *heights, size_t count) {
+    for (size_t i = 1; i < count; i++) {
+        double height = heights[i];
+        size_t k = i;
+        for (; k > 0 && heights[k - 1] > height; k--)
+            heights[k] = heights[k - 1];
+        heights[k] = height;
+    }
+}
+
+static void sort_into_columns(const struct crossings *crossings, struct columns *columns) {
+    size_t count = (size_t)columns->nx * (size_t)columns->ny;
+    size_t *next = columns->first = alloc(count + 2, sizeof *columns->first);
+    columns->heights = alloc(crossings->count, sizeof *columns->heights);
+    for (size_t i = 0; i < crossings->count; i++)
+        next[crossings->all[i].column + 2]++;
+    for (size_t c = 0; c < count; c++)
+        next[c + 2] += next[c + 1];
+    for (size_t i = 0; i < crossings->count; i++) // next[c + 1] grows from a column's start to its end
+        columns->heights[next[crossings->all[i].column + 1]++] = crossings->all[i].height;
+    for (size_t c = 0; c < count; c++)
+        sort_few(columns->heights + columns->first[c], columns->first[c + 1] - columns->first[c]);
+}
+
 void columns_init(struct columns *columns, const struct mesh *mesh, const vec3 *points,
                   double step) {
     struct crossings crossings = {0};
     place_lattice(columns, mesh, points, step);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         cross_triangle(columns, points, mesh->triangles + 3 * (size_t)t, &crossings);
-    if (crossings.count > 0) // a mesh smaller than the step may have none
-        qsort(crossings.all, crossings.count, sizeof *crossings.all, by_column_and_height);
-    size_t count = (size_t)columns->nx * (size_t)columns->ny;
-    columns->first = alloc(count + 1, sizeof *columns->first);
-    columns->heights = alloc(crossings.count, sizeof *columns->heights);
-    for (size_t i = 0; i < crossings.count; i++) {
-        columns->heights[i] = crossings.all[i].height;
-        columns->first[crossings.all[i].column + 1]++;
-    }
-    for (size_t c = 0; c < count; c++)
-        columns->first[c + 1] += columns->first[c];
+    sort_into_columns(&crossings, columns);
     free(crossings.all);
 }
 

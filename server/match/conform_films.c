@@ -20,8 +20,21 @@ static bool is_film_at(struct conform *c, vec3 p, vec3 normal) {
            vec3_dot(normal, vec3_sub(closest.point, p)) <= 0;
 }
 
+static bool may_be_film(const struct conform *c, const vec3 p[3], vec3 normal) {
+    vec3 by = {FILM_MM, FILM_MM, FILM_MM};
+    struct box box = {{lower(p[0].x, lower(p[1].x, p[2].x)), lower(p[0].y, lower(p[1].y, p[2].y)),
+                       lower(p[0].z, lower(p[1].z, p[2].z))},
+                      {higher(p[0].x, higher(p[1].x, p[2].x)),
+                       higher(p[0].y, higher(p[1].y, p[2].y)),
+                       higher(p[0].z, higher(p[1].z, p[2].z))}};
+    box = (struct box){vec3_sub(box.min, by), vec3_add(box.max, by)};
+    return soup_may_face(&c->whole_target, box, vec3_scale(-1, normal), AGAINST);
+}
+
 static int film_points(struct conform *c, const vec3 corners[3], vec3 normal) {
     int count = 0;
+    if (!may_be_film(c, corners, normal))
+        return 0;
     for (int i = 0; i < 4; i++)
         count += is_film_at(c, point_in(corners, i), normal);
     return count;

@@ -181,9 +181,20 @@ void soup_build(struct soup *soup) {
     for (uint32_t i = 0; i < cells; i++)
         soup->first[i + 2] += soup->first[i + 1];
     room_for(&soup->entries, &soup->entry_room, soup->first[cells + 1]);
-    for (uint32_t t = 0; t < soup->count; t++) // first[i + 1] grows from a cell's start to its end
+    for (uint32_t t = 0; t < soup->count; t++) { // first[i + 1] grows from a cell's start to its end
+        struct soup_entry entry = {t, face_of(soup->at[t].normal)};
         FOR_CELLS(soup, soup->cells[t], i)
-    soup->entries[soup->first[i + 1]++] = t;
+        soup->entries[soup->first[i + 1]++] = entry;
+    }
+}
+
+static void turn(struct soup *soup, uint32_t index, uint8_t face) {
+    FOR_CELLS(soup, soup->cells[index], i) {
+        soup->faces[i] |= face;
+        for (uint32_t k = soup->first[i]; k < soup->first[i + 1]; k++)
+            if (soup->entries[k].triangle == index)
+                soup->entries[k].face = face;
+    }
 }
 
 bool soup_move(struct soup *soup, uint32_t index, const vec3 corners[3]) {
@@ -194,8 +205,7 @@ bool soup_move(struct soup *soup, uint32_t index, const vec3 corners[3]) {
     set_bound(soup, index, box);
     uint8_t face = face_of(t->normal);
     if (face != before)
-        FOR_CELLS(soup, soup->cells[index], i)
-    soup->faces[i] |= face;
+        turn(soup, index, face);
     return lies_in(box, soup->rooms[index]);
 }
 
@@ -215,12 +225,20 @@ void soup_near(struct soup *soup, struct box box, void (*visit)(void *context, u
     struct soup_cells near = cells_of(soup, box);
     FOR_CELLS(soup, near, i)
     for (uint32_t k = soup->first[i]; k < soup->first[i + 1]; k++) {
-        uint32_t t = soup->entries[k];
+        uint32_t t = soup->entries[k].triangle;
         if (soup->bounds[t].stamp == soup->stamp)
             continue;
         soup->bounds[t].stamp = soup->stamp;
         visit(context, t);
     }
+}
+
+bool soup_may_face(const struct soup *soup, struct box box, vec3 facing, double least) {
+    uint8_t towards = faces_towards(facing, least), faces = 0;
+    struct soup_cells near = cells_of(soup, box);
+    FOR_CELLS(soup, near, i)
+    faces |= soup->faces[i];
+    return faces & towards;
 }
 
 // ---- the closest point --------------------------------------------------------------------------
@@ -324,7 +342,8 @@ static void look_in_cell(struct soup *soup, struct looking *s, size_t i) {
     if (!(soup->faces[i] & s->faces))
         return;
     for (uint32_t k = soup->first[i]; k < soup->first[i + 1]; k++)
-        look_at(soup, s, soup->entries[k]);
+        if (soup->entries[k].face & s->faces)
+            look_at(soup, s, soup->entries[k].triangle);
 }
 
 // All cells that the best may lie in.

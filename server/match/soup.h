@@ -28,6 +28,12 @@ struct soup_bound {
     uint32_t stamp; // of the last search that has seen it
 };
 
+// A face says through which one of a cube around it a normal looks.
+struct soup_entry {
+    uint32_t triangle;
+    uint8_t face;
+};
+
 struct soup_cells {
     uint16_t low[3], high[3];
 };
@@ -40,8 +46,9 @@ struct soup {
     double cell;
     int size[3];
     uint32_t *first, first_room; // of a cell's entries
-    uint8_t *faces;              // of a cell: which faces of a cube its normals look through
-    uint32_t *entries, entry_room, face_room;
+    uint8_t *faces;              // of a cell: those of its entries
+    struct soup_entry *entries;
+    uint32_t entry_room, face_room;
     struct soup_bound *bounds; // by triangle, as what follows
     struct soup_cells *cells;
     struct box *rooms; // a marked triangle lies in its cells while its box is in this
@@ -79,6 +86,9 @@ struct soup_closest {
 
 bool soup_closest(struct soup *soup, const struct soup_search *search, struct soup_closest *out);
 void soup_closest_on(const struct soup *soup, uint32_t index, vec3 point, struct soup_closest *out);
+
+// False only where no triangle near the box has facing · normal >= least. The soup is not empty.
+bool soup_may_face(const struct soup *soup, struct box box, vec3 facing, double least);
 
 // Calls visit for each triangle whose cells meet the box, each once.
 void soup_near(struct soup *soup, struct box box, void (*visit)(void *context, uint32_t index),

@@ -7,7 +7,7 @@
 
 static bool stage_part(struct cut_mesh *mesh, const struct convex *part, uint64_t seed,
                        int attempt) {
-    struct stage *stage = mesh->stage;
+    struct stage *stage = mesh->scratch->stage;
     stage_begin(stage, part, seed, attempt);
     near_gather(mesh, stage);
     trace_triangles(mesh, stage);
@@ -24,9 +24,9 @@ static bool take_part(struct cut_mesh *mesh, const struct convex *part, int inde
         uint64_t seed =
             ((uint64_t)change->number << 16) + (uint64_t)(CUT_ATTEMPTS * index + attempt);
         bool fits = stage_part(mesh, part, seed, attempt);
-        if (fits && mesh->stage->removed_mm3 >= LEAST_MM3 / CUT_PARTS_MAX) {
-            link_commit(mesh, mesh->stage);
-            *taken += mesh->stage->removed_mm3;
+        if (fits && mesh->scratch->stage->removed_mm3 >= LEAST_MM3 / CUT_PARTS_MAX) {
+            link_commit(mesh, mesh->scratch->stage);
+            *taken += mesh->scratch->stage->removed_mm3;
             return true;
         }
         edit_return_vertices(mesh, mark);
@@ -49,16 +49,15 @@ static enum cut_outcome give_up(struct cut_mesh *mesh, enum cut_outcome outcome)
     return outcome;
 }
 
-enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, int part_count,
-                           struct cut_change *out_change, struct error *err) {
-    CHECK(part_count >= 0 && part_count <= CUT_PARTS_MAX);
+static enum cut_outcome apply(struct cut_mesh *mesh, const struct convex *parts, int part_count,
+                              struct cut_change *out_change, struct error *err) {
     struct cut_change change = {.number = mesh->number + 1};
     double before = mesh->volume, taken = 0;
-    mesh->stage->number = change.number;
+    mesh->scratch->stage->number = change.number;
     edit_begin(mesh);
     for (int i = 0; i < part_count; i++)
         if (!take_part(mesh, &parts[i], i, &change, &taken)) {
-            fail(err, RESULT_REFUSED, "part %d of the blade: %s", i, mesh->stage->refusal);
+            fail(err, RESULT_REFUSED, "part %d of the blade: %s", i, mesh->scratch->stage->refusal);
             return give_up(mesh, CUT_REFUSED);
         }
     if (taken < LEAST_MM3)
@@ -78,4 +77,13 @@ enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, in
     edit_commit(mesh);
     *out_change = change;
     return CUT_CHANGED;
+}
+
+enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, int part_count,
+                           struct cut_change *out_change, struct error *err) {
+    CHECK(part_count >= 0 && part_count <= CUT_PARTS_MAX);
+    mesh->scratch = scratch_take();
+    enum cut_outcome outcome = apply(mesh, parts, part_count, out_change, err);
+    scratch_give(&mesh->scratch);
+    return outcome;
 }

@@ -33,8 +33,8 @@ static double six_volumes_of(const struct cut_mesh *mesh, const uint32_t corners
 void change_update_volume(struct cut_mesh *mesh) {
     vec3 apex = mesh->grid.origin;
     double sum = 0;
-    for (uint32_t i = 0; i < mesh->undo.triangle_count; i++) {
-        const struct triangle_before *before = &mesh->undo.triangles[i];
+    for (uint32_t i = 0; i < mesh->scratch->undo.triangle_count; i++) {
+        const struct triangle_before *before = &mesh->scratch->undo.triangles[i];
         if (!is_same(mesh, before))
             sum += six_volumes_of(mesh, mesh->corners + 3 * (size_t)before->id, apex) -
                    six_volumes_of(mesh, before->corners, apex);
@@ -52,8 +52,8 @@ static uint32_t *keep(struct ids *ids, uint32_t *out_count) {
 
 static void list_triangles(struct cut_mesh *mesh, struct cut_change *change) {
     struct ids freed = {0}, made = {0};
-    for (uint32_t i = 0; i < mesh->undo.triangle_count; i++) {
-        const struct triangle_before *before = &mesh->undo.triangles[i];
+    for (uint32_t i = 0; i < mesh->scratch->undo.triangle_count; i++) {
+        const struct triangle_before *before = &mesh->scratch->undo.triangles[i];
         if (is_same(mesh, before))
             continue;
         if (cut_mesh_triangle_alive(mesh, before->id))
@@ -67,10 +67,10 @@ static void list_triangles(struct cut_mesh *mesh, struct cut_change *change) {
 
 static void list_vertices(struct cut_mesh *mesh, struct cut_change *change) {
     struct ids vertices = {0};
-    for (uint32_t i = 0; i < mesh->undo.vertex_count; i++)
-        if (mesh->undo.vertices[i].side == MESH_NONE &&
-            cut_mesh_vertex_alive(mesh, mesh->undo.vertices[i].id))
-            ids_push(&vertices, mesh->undo.vertices[i].id);
+    for (uint32_t i = 0; i < mesh->scratch->undo.vertex_count; i++)
+        if (mesh->scratch->undo.vertices[i].side == MESH_NONE &&
+            cut_mesh_vertex_alive(mesh, mesh->scratch->undo.vertices[i].id))
+            ids_push(&vertices, mesh->scratch->undo.vertices[i].id);
     change->vertices = keep(&vertices, &change->vertex_count);
 }
 

@@ -21,7 +21,7 @@ void cleaner_fini(struct cleaner *cleaner) {
 
 // Only what the cut has touched, so that cleaning does not creep away from it.
 static void queue(struct cut_mesh *mesh, uint32_t vertex) {
-    struct cleaner *cleaner = mesh->cleaner;
+    struct cleaner *cleaner = mesh->scratch->cleaner;
     if (!stamped_set_has(&cleaner->touched, vertex) || stamped_set_has(&cleaner->queued, vertex))
         return;
     stamped_set_put(&cleaner->queued, vertex, 0);
@@ -157,7 +157,7 @@ static bool lies_on(vec3 p, vec3 q, vec3 v) {
 }
 
 static bool is_touched(const struct cut_mesh *mesh, uint32_t vertex) {
-    return stamped_set_has(&mesh->cleaner->touched, vertex);
+    return stamped_set_has(&mesh->scratch->cleaner->touched, vertex);
 }
 
 static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
@@ -190,12 +190,12 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
 // ---- all ----
 
 void clean(struct cut_mesh *mesh) {
-    struct cleaner *cleaner = mesh->cleaner;
+    struct cleaner *cleaner = mesh->scratch->cleaner;
     cleaner->queue.count = 0;
     stamped_set_begin(&cleaner->touched, mesh->vertex_room);
     stamped_set_begin(&cleaner->queued, mesh->vertex_room);
-    for (uint32_t i = 0; i < mesh->undo.vertex_count; i++) {
-        uint32_t vertex = mesh->undo.vertices[i].id;
+    for (uint32_t i = 0; i < mesh->scratch->undo.vertex_count; i++) {
+        uint32_t vertex = mesh->scratch->undo.vertices[i].id;
         stamped_set_put(&cleaner->touched, vertex, 0);
         if (cut_mesh_vertex_alive(mesh, vertex))
             queue(mesh, vertex);

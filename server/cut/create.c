@@ -1,7 +1,4 @@
-#include "cut/clean.h"
-#include "cut/cut.h"
-#include "cut/flood.h"
-#include "cut/stage.h"
+#include "cut/cut_mesh.h"
 #include "mesh/edges.h"
 #include "mesh/topology.h"
 
@@ -44,16 +41,24 @@ static double mean_edge(const struct mesh *mesh, const struct triangle_side *sid
     return sum / (double)count;
 }
 
+// With some for what cuts make, so that the first ones need not move all that there is.
+static uint32_t room_of(uint32_t count) {
+    return count + count / 4 + 256;
+}
+
 static void take_arrays(struct cut_mesh *out, const struct mesh *mesh,
                         const struct triangle_side *sides) {
     size_t count = 3 * (size_t)mesh->triangle_count;
-    out->vertex_bound = out->vertex_room = out->original_count = mesh->vertex_count;
-    out->triangle_bound = out->triangle_room = out->living = mesh->triangle_count;
-    out->points = alloc(mesh->vertex_count, sizeof *out->points);
-    out->vertex_sides = alloc(mesh->vertex_count, sizeof *out->vertex_sides);
-    out->corners = array_copy(mesh->triangles, count, sizeof *out->corners);
-    out->twins = alloc(count, sizeof *out->twins);
-    out->labels = alloc(mesh->triangle_count, sizeof *out->labels);
+    out->vertex_bound = out->original_count = mesh->vertex_count;
+    out->triangle_bound = out->living = mesh->triangle_count;
+    out->vertex_room = room_of(mesh->vertex_count);
+    out->triangle_room = room_of(mesh->triangle_count);
+    out->points = alloc(out->vertex_room, sizeof *out->points);
+    out->vertex_sides = alloc(out->vertex_room, sizeof *out->vertex_sides);
+    out->corners = alloc(out->triangle_room, 3 * sizeof *out->corners);
+    out->twins = alloc(out->triangle_room, 3 * sizeof *out->twins);
+    out->labels = alloc(out->triangle_room, sizeof *out->labels);
+    memcpy(out->corners, mesh->triangles, count * sizeof *out->corners);
     memset(out->vertex_sides, 0xff, mesh->vertex_count * sizeof *out->vertex_sides);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         out->points[v] = mesh_vertex(mesh, v);
@@ -64,12 +69,6 @@ static void take_arrays(struct cut_mesh *out, const struct mesh *mesh,
         out->twins[a] = b;
         out->twins[b] = a;
     }
-}
-
-static void create_scratch(struct cut_mesh *mesh) {
-    mesh->stage = stage_create();
-    mesh->flood = alloc(1, sizeof *mesh->flood);
-    mesh->cleaner = alloc(1, sizeof *mesh->cleaner);
 }
 
 enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
@@ -91,26 +90,29 @@ enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
     }
     m->volume = cut_mesh_volume(m);
     m->hollow = hollow;
-    create_scratch(m);
     return RESULT_OK;
+}
+
+static void *copy_into(uint32_t room, const void *memory, uint32_t count, size_t size) {
+    return memcpy(alloc(room, size), memory, count * size);
 }
 
 struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh) {
     struct cut_mesh *copy = alloc(1, sizeof *copy);
     *copy = *mesh;
-    copy->vertex_room = mesh->vertex_bound;
-    copy->triangle_room = mesh->triangle_bound;
-    copy->points = array_copy(mesh->points, mesh->vertex_bound, sizeof *mesh->points);
+    uint32_t vertices = mesh->vertex_bound, triangles = mesh->triangle_bound;
+    copy->vertex_room = room_of(vertices);
+    copy->triangle_room = room_of(triangles);
+    copy->points = copy_into(copy->vertex_room, mesh->points, vertices, sizeof *mesh->points);
     copy->vertex_sides =
-        array_copy(mesh->vertex_sides, mesh->vertex_bound, sizeof *mesh->vertex_sides);
-    copy->corners = array_copy(mesh->corners, mesh->triangle_bound, 3 * sizeof *mesh->corners);
-    copy->twins = array_copy(mesh->twins, mesh->triangle_bound, 3 * sizeof *mesh->twins);
-    copy->labels = array_copy(mesh->labels, mesh->triangle_bound, sizeof *mesh->labels);
+        copy_into(copy->vertex_room, mesh->vertex_sides, vertices, sizeof *mesh->vertex_sides);
+    copy->corners =
+        copy_into(copy->triangle_room, mesh->corners, triangles, 3 * sizeof *mesh->corners);
+    copy->twins = copy_into(copy->triangle_room, mesh->twins, triangles, 3 * sizeof *mesh->twins);
+    copy->labels = copy_into(copy->triangle_room, mesh->labels, triangles, sizeof *mesh->labels);
     copy->free_vertices = ids_copy(&mesh->free_vertices);
     copy->free_triangles = ids_copy(&mesh->free_triangles);
     grid_copy(&copy->grid, &mesh->grid);
-    copy->undo = (struct undo){0};
-    create_scratch(copy);
     return copy;
 }
 
@@ -127,15 +129,5 @@ void cut_mesh_destroy(struct cut_mesh **mesh) {
     ids_fini(&m->free_vertices);
     ids_fini(&m->free_triangles);
     grid_fini(&m->grid);
-    stamped_set_fini(&m->undo.triangles_seen);
-    stamped_set_fini(&m->undo.vertices_seen);
-    free(m->undo.triangles);
-    ids_fini(&m->undo.gone);
-    free(m->undo.vertices);
-    stage_destroy(&m->stage);
-    flood_fini(m->flood);
-    free(m->flood);
-    cleaner_fini(m->cleaner);
-    free(m->cleaner);
     free(m);
 }

@@ -1,5 +1,5 @@
-// The data of a cut mesh: triangles that know their neighbours, free ids, a grid of triangles, and
-// an undo log, with which a cut that fails half way is taken back.
+// The data of a cut mesh: triangles that know their neighbours, free ids and a grid of triangles;
+// while it is cut, an undo log, with which a cut that fails half way is taken back.
 //
 // Side 3 t + i of triangle t runs from its corner i to its corner i + 1; its twin is the side of
 // the neighbour that runs back.
@@ -33,6 +33,18 @@ struct stage;
 struct flood;
 struct cleaner;
 
+// What a cut needs and no mesh keeps: memory that is warm for the next cut, of whichever mesh. Each
+// has one user at a time; any thread may take one.
+struct cut_scratch {
+    struct undo undo;
+    struct stage *stage;
+    struct flood *flood;
+    struct cleaner *cleaner;
+};
+
+struct cut_scratch *scratch_take(void);
+void scratch_give(struct cut_scratch **scratch);
+
 struct cut_mesh {
     uint32_t vertex_bound, vertex_room;
     uint32_t original_count; // vertices below this are those of the mesh that it was made from
@@ -48,10 +60,7 @@ struct cut_mesh {
     double volume;                            // mm³, kept up to date by what each cut changes
     bool hollow;                              // there may be cavities
     struct triangle_grid grid;
-    struct undo undo;
-    struct stage *stage; // scratch, kept from cut to cut
-    struct flood *flood;
-    struct cleaner *cleaner;
+    struct cut_scratch *scratch; // while it is cut
 };
 
 static inline uint32_t side_next(uint32_t side) {

@@ -5,7 +5,7 @@
 // ---- what a cut touches ----
 
 void edit_begin(struct cut_mesh *mesh) {
-    struct undo *undo = &mesh->undo;
+    struct undo *undo = &mesh->scratch->undo;
     stamped_set_begin(&undo->triangles_seen, mesh->triangle_room);
     stamped_set_begin(&undo->vertices_seen, mesh->vertex_room);
     undo->triangle_count = undo->vertex_count = 0;
@@ -18,7 +18,7 @@ void edit_begin(struct cut_mesh *mesh) {
 }
 
 static void touch_triangle(struct cut_mesh *mesh, uint32_t triangle) {
-    struct undo *undo = &mesh->undo;
+    struct undo *undo = &mesh->scratch->undo;
     if (stamped_set_has(&undo->triangles_seen, triangle))
         return;
     stamped_set_put(&undo->triangles_seen, triangle, 0);
@@ -34,7 +34,7 @@ static void touch_triangle(struct cut_mesh *mesh, uint32_t triangle) {
 }
 
 static void touch_vertex(struct cut_mesh *mesh, uint32_t vertex) {
-    struct undo *undo = &mesh->undo;
+    struct undo *undo = &mesh->scratch->undo;
     if (stamped_set_has(&undo->vertices_seen, vertex))
         return;
     stamped_set_put(&undo->vertices_seen, vertex, 0);
@@ -63,8 +63,8 @@ static void settle_triangle(struct cut_mesh *mesh, struct triangle_before *befor
 }
 
 void edit_settle(struct cut_mesh *mesh) {
-    for (uint32_t i = 0; i < mesh->undo.triangle_count; i++)
-        settle_triangle(mesh, &mesh->undo.triangles[i]);
+    for (uint32_t i = 0; i < mesh->scratch->undo.triangle_count; i++)
+        settle_triangle(mesh, &mesh->scratch->undo.triangles[i]);
 }
 
 // ---- undo ----
@@ -78,7 +78,7 @@ static void restore_triangle(struct cut_mesh *mesh, const struct triangle_before
 }
 
 void edit_undo(struct cut_mesh *mesh) {
-    struct undo *undo = &mesh->undo;
+    struct undo *undo = &mesh->scratch->undo;
     for (uint32_t i = 0; i < undo->triangle_count; i++)
         restore_triangle(mesh, &undo->triangles[i]);
     edit_settle(mesh);
@@ -103,7 +103,7 @@ static void append_descending(struct ids *free_ids, struct ids *gone) {
 }
 
 void edit_commit(struct cut_mesh *mesh) {
-    struct undo *undo = &mesh->undo;
+    struct undo *undo = &mesh->scratch->undo;
     edit_settle(mesh);
     for (uint32_t i = 0; i < undo->triangle_count; i++)
         if (!cut_mesh_triangle_alive(mesh, undo->triangles[i].id))
@@ -130,7 +130,7 @@ uint32_t edit_take_vertex(struct cut_mesh *mesh, vec3 point) {
                                       sizeof *mesh->points);
             mesh->vertex_sides = array_grow(mesh->vertex_sides, &room, mesh->vertex_bound,
                                             sizeof *mesh->vertex_sides);
-            stamped_set_reserve(&mesh->undo.vertices_seen, mesh->vertex_room);
+            stamped_set_reserve(&mesh->scratch->undo.vertices_seen, mesh->vertex_room);
         }
         mesh->vertex_sides[id] = MESH_NONE;
     }
@@ -166,7 +166,7 @@ static uint32_t take_triangle(struct cut_mesh *mesh) {
             array_grow(mesh->corners, &corners, mesh->triangle_bound, 3 * sizeof *mesh->corners);
         mesh->twins =
             array_grow(mesh->twins, &twins, mesh->triangle_bound, 3 * sizeof *mesh->twins);
-        stamped_set_reserve(&mesh->undo.triangles_seen, mesh->triangle_room);
+        stamped_set_reserve(&mesh->scratch->undo.triangles_seen, mesh->triangle_room);
     }
     for (size_t i = 0; i < 3; i++)
         mesh->corners[3 * (size_t)id + i] = mesh->twins[3 * (size_t)id + i] = MESH_NONE;

@@ -70,7 +70,7 @@ static void add_body(const struct cut_mesh *mesh, struct flood *flood, uint32_t 
     for (uint32_t e = flood->entry_count - 1; e != MESH_NONE; e = flood->entries[e].next)
         for (size_t i = 0; i < 3; i++) {
             uint32_t beside = mesh->twins[3 * (size_t)flood->entries[e].triangle + i] / 3;
-            if (stamped_set_has(&mesh->undo.triangles_seen, beside) &&
+            if (stamped_set_has(&mesh->scratch->undo.triangles_seen, beside) &&
                 !stamped_set_has(&flood->owner, beside))
                 claim(flood, body, beside);
         }
@@ -107,8 +107,8 @@ static uint32_t smallest(const struct flood *flood) {
 uint32_t flood_run(const struct cut_mesh *mesh, struct flood *flood) {
     flood->entry_count = flood->body_count = 0;
     stamped_set_begin(&flood->owner, mesh->triangle_room);
-    for (uint32_t i = 0; i < mesh->undo.triangle_count; i++) {
-        uint32_t triangle = mesh->undo.triangles[i].id;
+    for (uint32_t i = 0; i < mesh->scratch->undo.triangle_count; i++) {
+        uint32_t triangle = mesh->scratch->undo.triangles[i].id;
         if (cut_mesh_triangle_alive(mesh, triangle) && !stamped_set_has(&flood->owner, triangle))
             add_body(mesh, flood, triangle);
     }

@@ -5,7 +5,7 @@
 // ---- one patch ----
 
 static bool is_new_surface(const struct cut_mesh *mesh, uint32_t triangle) {
-    return stamped_set_has(&mesh->undo.triangles_seen, triangle) &&
+    return stamped_set_has(&mesh->scratch->undo.triangles_seen, triangle) &&
            cut_mesh_triangle_alive(mesh, triangle) && mesh->labels[triangle] == mesh->number;
 }
 
@@ -33,8 +33,8 @@ static struct cut_patch measure(const struct cut_mesh *mesh, const uint32_t *tri
 // ---- all ----
 
 void change_measure_patches(struct cut_mesh *mesh, struct cut_change *change) {
-    struct stamped_set *seen = &mesh->flood->owner;
-    struct ids *list = &mesh->flood->list;
+    struct stamped_set *seen = &mesh->scratch->flood->owner;
+    struct ids *list = &mesh->scratch->flood->list;
     list->count = 0;
     stamped_set_begin(seen, mesh->triangle_room);
     for (uint32_t i = 0; i < change->made_count; i++) {

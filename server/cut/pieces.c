@@ -141,7 +141,7 @@ static void add_piece(struct cut_change *change, struct cut_piece piece) {
 // The largest body stays. Cavities stay with the body that they are in; what is next to nothing
 // just goes.
 void change_take_pieces(struct cut_mesh *mesh, struct cut_change *change) {
-    struct flood *flood = mesh->flood;
+    struct flood *flood = mesh->scratch->flood;
     if (flood_run(mesh, flood) < 2)
         return;
     double *volumes = alloc(flood->body_count, sizeof *volumes);

@@ -18,7 +18,6 @@ static bool stage_part(struct cut_mesh *mesh, const struct convex *part, uint64_
 // A part that takes next to nothing is left out. *taken: mm³, of all parts so far.
 static bool take_part(struct cut_mesh *mesh, const struct convex *part, int index,
                       struct cut_change *change, double *taken) {
-    edit_settle(mesh);
     for (int attempt = 0; attempt < CUT_ATTEMPTS; attempt++) {
         struct vertex_mark mark = edit_mark_vertices(mesh);
         uint64_t seed =

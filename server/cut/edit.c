@@ -62,7 +62,7 @@ static void settle_triangle(struct cut_mesh *mesh, struct triangle_before *befor
     memcpy(before->in_grid, corners, sizeof before->in_grid);
 }
 
-void edit_settle(struct cut_mesh *mesh) {
+static void settle(struct cut_mesh *mesh) {
     for (uint32_t i = 0; i < mesh->scratch->undo.triangle_count; i++)
         settle_triangle(mesh, &mesh->scratch->undo.triangles[i]);
 }
@@ -81,7 +81,7 @@ void edit_undo(struct cut_mesh *mesh) {
     struct undo *undo = &mesh->scratch->undo;
     for (uint32_t i = 0; i < undo->triangle_count; i++)
         restore_triangle(mesh, &undo->triangles[i]);
-    edit_settle(mesh);
+    settle(mesh);
     for (uint32_t i = 0; i < undo->vertex_count; i++)
         mesh->vertex_sides[undo->vertices[i].id] = undo->vertices[i].side;
     mesh->vertex_bound = undo->vertex_bound;
@@ -104,7 +104,7 @@ static void append_descending(struct ids *free_ids, struct ids *gone) {
 
 void edit_commit(struct cut_mesh *mesh) {
     struct undo *undo = &mesh->scratch->undo;
-    edit_settle(mesh);
+    settle(mesh);
     for (uint32_t i = 0; i < undo->triangle_count; i++)
         if (!cut_mesh_triangle_alive(mesh, undo->triangles[i].id))
             ids_push(&undo->gone, undo->triangles[i].id);

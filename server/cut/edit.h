@@ -3,11 +3,9 @@
 
 #include "cut/cut_mesh.h"
 
-// Every edit lies between edit_begin and edit_commit or edit_undo. edit_settle brings the grid up
-// to date; edit_commit and edit_undo do so too.
+// Every edit lies between edit_begin and edit_commit or edit_undo, which bring the grid up to date.
 void edit_begin(struct cut_mesh *mesh);
 void edit_undo(struct cut_mesh *mesh);
-void edit_settle(struct cut_mesh *mesh);
 void edit_commit(struct cut_mesh *mesh); // frees the ids of what was removed
 
 // A taken vertex has an id and a position. Its first edit_set_vertex_side, even to MESH_NONE, puts

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #define CELLS_MAX (1 << 20)
+#define LEVEL 1e-3 // of a normal along z: less bounds no column
 
 // ---- the whole ----
 
@@ -146,11 +147,30 @@ static void collect_cell(const struct triangle_grid *grid, uint32_t entry, struc
     }
 }
 
-void grid_collect(const struct triangle_grid *grid, struct box box, struct stamped_set *seen,
-                  struct ids *out) {
+// In a column of cells, those that do not lie outside a plane.
+static void cut_column(const struct triangle_grid *grid, const struct plane *plane, int x, int y,
+                       int *low, int *high) {
+    vec3 n = plane->normal, middle = {x + 0.5, y + 0.5, 0.5};
+    double reach = (fabs(n.x) + fabs(n.y) + fabs(n.z)) / 2 * (1 + 1e-6);
+    double rest = (plane->offset - vec3_dot(n, grid->origin)) / grid->cell + reach;
+    rest -= vec3_dot(n, middle); // of n.z times the row of a cell at most
+    if (fabs(n.z) < LEVEL)
+        *high = rest < -LEVEL * grid->size[2] ? -1 : *high;
+    else if (n.z > 0)
+        *high = rest < *high * n.z ? (int)floor(rest / n.z) : *high;
+    else
+        *low = rest < *low * n.z ? (int)ceil(rest / n.z) : *low;
+}
+
+void grid_collect(const struct triangle_grid *grid, struct box box, const struct plane *planes,
+                  int plane_count, struct stamped_set *seen, struct ids *out) {
     struct cell_range cells = cells_of(grid, box);
     for (int x = cells.low[0]; x <= cells.high[0]; x++)
-        for (int y = cells.low[1]; y <= cells.high[1]; y++)
-            for (int z = cells.low[2]; z <= cells.high[2]; z++)
+        for (int y = cells.low[1]; y <= cells.high[1]; y++) {
+            int low = cells.low[2], high = cells.high[2];
+            for (int i = 0; i < plane_count && low <= high; i++)
+                cut_column(grid, &planes[i], x, y, &low, &high);
+            for (int z = low; z <= high; z++)
                 collect_cell(grid, column_of(grid, x, y)[z], seen, out);
+        }
 }

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "cut/stamped_set.h"
-#include "mesh/mesh.h"
+#include "mesh/convex.h"
 
 struct triangle_grid {
     vec3 origin;
@@ -24,7 +24,7 @@ void grid_copy(struct triangle_grid *out_grid, const struct triangle_grid *grid)
 void grid_add(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3]);
 void grid_remove(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3]);
 
-// Appends the triangles of all cells that the box meets, each once: those that `seen` does not
-// hold, which it then does.
-void grid_collect(const struct triangle_grid *grid, struct box box, struct stamped_set *seen,
-                  struct ids *out);
+// Appends the triangles of the cells that the box meets, each once: those that `seen` does not
+// hold, which it then does. Cells that lie outside one of the planes are left out.
+void grid_collect(const struct triangle_grid *grid, struct box box, const struct plane *planes,
+                  int plane_count, struct stamped_set *seen, struct ids *out);

@@ -51,14 +51,31 @@ static void add_triangle(const struct cut_mesh *mesh, struct stage *stage, uint3
     stage->triangles[stage->triangle_count++] = near;
 }
 
+// What the cut has touched is not in the grid as it is now: until the cut is made, it is looked
+// through as a whole.
+void near_collect(const struct cut_mesh *mesh, struct box box, const struct convex *blade,
+                  struct stamped_set *seen, struct ids *out) {
+    const struct undo *undo = &mesh->scratch->undo;
+    struct plane planes[CONVEX_PLANES_MAX];
+    int count = blade ? blade->plane_count : 0;
+    for (int i = 0; i < count; i++)
+        planes[i] = (struct plane){blade->planes[i].normal, blade->planes[i].offset + MARGIN_MM};
+    stamped_set_begin(seen, mesh->triangle_room);
+    out->count = 0;
+    for (uint32_t i = 0; i < undo->triangle_count; i++) {
+        stamped_set_put(seen, undo->triangles[i].id, 0);
+        if (cut_mesh_triangle_alive(mesh, undo->triangles[i].id))
+            ids_push(out, undo->triangles[i].id);
+    }
+    grid_collect(&mesh->grid, box, planes, count, seen, out);
+}
+
 // The margin takes in both triangles of each edge that has a crossing.
 void near_gather(struct cut_mesh *mesh, struct stage *stage) {
     vec3 margin = {MARGIN_MM, MARGIN_MM, MARGIN_MM};
     struct box box = {vec3_sub(stage->blade.box.min, margin),
                       vec3_add(stage->blade.box.max, margin)};
-    stage->candidates.count = 0;
-    stamped_set_begin(&stage->slots, mesh->triangle_room);
-    grid_collect(&mesh->grid, box, &stage->slots, &stage->candidates);
+    near_collect(mesh, box, &stage->blade, &stage->slots, &stage->candidates);
     ids_sort(&stage->candidates); // the grid's order depends on cuts that were refused
     stamped_set_begin(&stage->slots, mesh->vertex_room);
     stage->vertex_count = stage->triangle_count = 0;

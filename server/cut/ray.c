@@ -1,5 +1,7 @@
 #include "cut/ray.h"
 
+#include "cut/stage.h"
+
 // Off the lattices on which vertices like to lie.
 #define NUDGE_X_MM 1.2345e-10
 #define NUDGE_Y_MM 0.7391e-10
@@ -40,8 +42,6 @@ int ray_winding_of(const struct cut_mesh *mesh, const uint32_t *triangles, uint3
 int ray_winding(const struct cut_mesh *mesh, struct stamped_set *slots, struct ids *hits,
                 vec3 point) {
     vec3 q = nudged(point);
-    hits->count = 0;
-    stamped_set_begin(slots, mesh->triangle_room);
-    grid_collect(&mesh->grid, (struct box){q, {q.x, q.y, INFINITY}}, slots, hits);
+    near_collect(mesh, (struct box){q, {q.x, q.y, INFINITY}}, NULL, slots, hits);
     return ray_winding_of(mesh, hits->at, hits->count, point);
 }

@@ -128,6 +128,9 @@ void stage_add_region(struct stage *stage, uint32_t label, vec3 normal);
 void stage_begin_ring(struct stage *stage);
 void stage_add_to_ring(struct stage *stage, uint32_t vertex);
 
+// The triangles that may meet the box, and with a blade that one too; each once.
+void near_collect(const struct cut_mesh *mesh, struct box box, const struct convex *blade,
+                  struct stamped_set *seen, struct ids *out);
 void near_gather(struct cut_mesh *mesh, struct stage *stage);
 void trace_triangles(struct cut_mesh *mesh, struct stage *stage);
 bool wind_blade(struct cut_mesh *mesh, struct stage *stage);

@@ -6,6 +6,7 @@
 
 void flood_fini(struct flood *flood) {
     stamped_set_fini(&flood->owner);
+    cavities_fini(&flood->cavities);
     ids_fini(&flood->list);
     free(flood->entries);
     free(flood->bodies);

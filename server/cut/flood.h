@@ -2,7 +2,7 @@
 // and advance in step, so the cost grows with the smaller bodies only.
 #pragma once
 
-#include "cut/cut_mesh.h"
+#include "cut/hollow.h"
 
 struct triangle_list {
     uint32_t first, last; // of entries; MESH_NONE: none
@@ -22,7 +22,8 @@ struct flood {
     } * entries;
     struct flood_body *bodies;
     uint32_t entry_count, entry_room, body_count, body_room;
-    struct ids list; // scratch
+    struct cavities cavities; // of the mesh, where there may be any
+    struct ids list;          // scratch
 };
 
 void flood_fini(struct flood *flood);

@@ -3,32 +3,52 @@
 #include "cut/ray.h"
 #include "cut/spread.h"
 
-static double six_volumes_of(const struct cut_mesh *mesh, const struct ids *triangles) {
-    vec3 apex = mesh->points[mesh->corners[3 * (size_t)triangles->at[0]]], points[3];
+static double six_volumes_of(const struct cut_mesh *mesh, const struct ids *triangles,
+                             uint32_t first) {
+    vec3 apex = mesh->points[mesh->corners[3 * (size_t)triangles->at[first]]], points[3];
     double sum = 0;
-    for (uint32_t i = 0; i < triangles->count; i++) {
+    for (uint32_t i = first; i < triangles->count; i++) {
         triangle_points(mesh, mesh->corners + 3 * (size_t)triangles->at[i], points);
         sum += six_volumes(points, apex);
     }
     return sum;
 }
 
-void hollow_append(const struct cut_mesh *mesh, struct stamped_set *seen, struct ids *triangles) {
-    struct ids part = {0};
+void hollow_find(const struct cut_mesh *mesh, struct stamped_set *seen, struct cavities *out) {
+    *out = (struct cavities){0};
+    stamped_set_begin(seen, mesh->triangle_room);
+    for (uint32_t t = 0; t < mesh->triangle_bound; t++) {
+        uint32_t first = out->triangles.count;
+        if (!cut_mesh_triangle_alive(mesh, t) || stamped_set_has(seen, t))
+            continue;
+        spread(mesh, NULL, seen, &out->triangles, t);
+        if (six_volumes_of(mesh, &out->triangles, first) < 0)
+            ids_push(&out->ends, out->triangles.count);
+        else
+            out->triangles.count = first;
+    }
+}
+
+void cavities_fini(struct cavities *cavities) {
+    ids_fini(&cavities->triangles);
+    ids_fini(&cavities->ends);
+    *cavities = (struct cavities){0};
+}
+
+void hollow_append(const struct cut_mesh *mesh, const struct cavities *cavities,
+                   struct stamped_set *seen, struct ids *triangles) {
     uint32_t around = triangles->count;
     stamped_set_begin(seen, mesh->triangle_room);
     for (uint32_t i = 0; i < around; i++)
         stamped_set_put(seen, triangles->at[i], 0);
-    for (uint32_t t = 0; t < mesh->triangle_bound; t++) {
-        if (!cut_mesh_triangle_alive(mesh, t) || stamped_set_has(seen, t))
+    for (uint32_t k = 0, begin = 0, end; k < cavities->ends.count; k++, begin = end) {
+        uint32_t first = cavities->triangles.at[begin];
+        end = cavities->ends.at[k];
+        if (!cut_mesh_triangle_alive(mesh, first) || stamped_set_has(seen, first))
             continue;
-        part.count = 0;
-        spread(mesh, NULL, seen, &part, t);
-        vec3 point = mesh->points[mesh->corners[3 * (size_t)t]];
-        if (six_volumes_of(mesh, &part) < 0 &&
-            ray_winding_of(mesh, triangles->at, around, point) == 1)
-            for (uint32_t i = 0; i < part.count; i++)
-                ids_push(triangles, part.at[i]);
+        vec3 point = mesh->points[mesh->corners[3 * (size_t)first]];
+        if (ray_winding_of(mesh, triangles->at, around, point) == 1)
+            for (uint32_t i = begin; i < end; i++)
+                ids_push(triangles, cavities->triangles.at[i]);
     }
-    ids_fini(&part);
 }

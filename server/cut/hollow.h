@@ -3,6 +3,15 @@
 
 #include "cut/cut_mesh.h"
 
-// Appends the triangles of all cavities inside the closed surface that `triangles` are. Walks over
-// the whole mesh. seen: scratch.
-void hollow_append(const struct cut_mesh *mesh, struct stamped_set *seen, struct ids *triangles);
+struct cavities {
+    struct ids triangles;
+    struct ids ends; // of each cavity's triangles; they begin where the last one's end
+};
+
+// All that there are. Walks over the whole mesh. seen: scratch.
+void hollow_find(const struct cut_mesh *mesh, struct stamped_set *seen, struct cavities *out);
+void cavities_fini(struct cavities *cavities);
+
+// Appends the triangles of those inside the closed surface that `triangles` are. seen: scratch.
+void hollow_append(const struct cut_mesh *mesh, const struct cavities *cavities,
+                   struct stamped_set *seen, struct ids *triangles);

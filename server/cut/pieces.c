@@ -1,7 +1,7 @@
 #include "cut/change.h"
 #include "cut/edit.h"
 #include "cut/flood.h"
-#include "cut/hollow.h"
+#include "cut/stage.h"
 
 #include <stdlib.h>
 
@@ -9,14 +9,14 @@
 
 // ---- bodies ----
 
-// Where there may be cavities, with those that are in it; flood->owner is forgotten then.
+// With the cavities that are in it; flood->owner is forgotten where there are any.
 static void list_triangles(const struct cut_mesh *mesh, struct flood *flood, uint32_t body,
                            struct ids *out) {
     out->count = 0;
     for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
         ids_push(out, flood->entries[e].triangle);
     if (mesh->hollow)
-        hollow_append(mesh, &flood->owner, out);
+        hollow_append(mesh, &flood->cavities, &flood->owner, out);
     ids_sort(out);
 }
 
@@ -145,6 +145,9 @@ void change_take_pieces(struct cut_mesh *mesh, struct cut_change *change) {
     if (flood_run(mesh, flood) < 2)
         return;
     double *volumes = alloc(flood->body_count, sizeof *volumes);
+    if (mesh->hollow)
+        hollow_find(mesh, &mesh->scratch->stage->slots, &flood->cavities);
+    mesh->hollow = flood->cavities.ends.count > 0; // there may be none any more
     uint32_t largest = find_largest(mesh, flood, volumes);
     for (uint32_t b = 0; b < flood->body_count; b++) {
         if (flood->bodies[b].parent != b || b == largest || volumes[b] < -DEBRIS_MM3)
@@ -155,5 +158,6 @@ void change_take_pieces(struct cut_mesh *mesh, struct cut_change *change) {
         else
             mesh_fini(&piece.mesh);
     }
+    cavities_fini(&flood->cavities);
     free(volumes);
 }

@@ -49,13 +49,13 @@ static vec3 mix(const double shares[3], const vec3 v[3]) {
     return vec3_add_scaled(vec3_add_scaled(sum, shares[1], v[1]), shares[2], v[2]);
 }
 
-static bool find_target(struct conform *c, struct pull *pull, vec3 p, vec3 normal,
+static bool find_target(struct conform *c, struct pull *pull, uint32_t hint, vec3 p, vec3 normal,
                         struct soup_closest *out) {
     if (pull->target != MESH_NONE && vec3_distance(p, pull->found_at) < KEPT_MM) {
         soup_closest_on(&c->target, pull->target, p, out);
         return true;
     }
-    struct soup_search search = {p, normal, ANY_FACING, SEARCH_MM, pull->target};
+    struct soup_search search = {p, normal, ANY_FACING, SEARCH_MM, hint};
     bool found = soup_closest(&c->target, &search, out) &&
                  vec3_dot(normal, c->target.at[out->index].normal) >= LEAST_FACING;
     *pull = (struct pull){found ? out->index : MESH_NONE, p};
@@ -77,15 +77,19 @@ static void pull_triangle(struct conform *c, uint32_t live) {
     for (int i = 0; i < 3; i++)
         normals[i] = c->normals[v[i]];
     double area = 0.5 * vec3_length(soup_area2(corners));
+    uint32_t hint = MESH_NONE;
     for (int i = 0; i < PULLS_PER_TRIANGLE; i++) {
         struct row row = {.live = live, .weight = higher(area, AREA_MIN) / PULLS_PER_TRIANGLE};
         struct soup_closest closest;
         pull_shares(i, row.shares);
         vec3 p = mix(row.shares, corners);
         vec3 normal = vec3_unit_or(mix(row.shares, normals), (vec3){0});
-        if (!find_target(c, &c->pulls[PULLS_PER_TRIANGLE * live + (uint32_t)i], p, normal,
-                         &closest))
+        struct pull *pull = &c->pulls[PULLS_PER_TRIANGLE * live + (uint32_t)i];
+        if (pull->target != MESH_NONE)
+            hint = pull->target;
+        if (!find_target(c, pull, hint, p, normal, &closest))
             continue;
+        hint = closest.index;
         aim(&row, &closest, c->target.at[closest.index].normal, vec3_sub(p, closest.point));
         add_row(c, &row);
     }
@@ -145,8 +149,9 @@ void conform_take_samples(struct conform *c) {
         c->pulls[i].target = MESH_NONE;
 }
 
-static bool find_source(struct conform *c, struct sample *s, struct soup_closest *out) {
-    struct soup_search search = {s->point, s->normal, ANY_FACING, SEARCH_MM, s->source};
+static bool find_source(struct conform *c, struct sample *s, uint32_t hint,
+                        struct soup_closest *out) {
+    struct soup_search search = {s->point, s->normal, ANY_FACING, SEARCH_MM, hint};
     if (!soup_closest(&c->self, &search, out) ||
         vec3_dot(s->normal, c->self.at[out->index].normal) < LEAST_FACING)
         return false;
@@ -162,10 +167,13 @@ static bool keep_source(struct conform *c, struct sample *s, struct soup_closest
     return vec3_distance(out->point, s->found_at) < KEPT_MM;
 }
 
-static void pull_sample(struct conform *c, struct sample *s) {
+static void pull_sample(struct conform *c, struct sample *s, uint32_t *hint) {
     struct soup_closest closest;
-    if (s->out || (!keep_source(c, s, &closest) && !find_source(c, s, &closest)))
+    if (s->source != MESH_NONE)
+        *hint = s->source;
+    if (s->out || (!keep_source(c, s, &closest) && !find_source(c, s, *hint, &closest)))
         return;
+    *hint = closest.index;
     const struct soup_triangle *t = &c->self.at[closest.index];
     if (!t->mark) {
         s->out = !s->fresh;
@@ -182,8 +190,9 @@ void conform_find_rows(struct conform *c, double stiffness) {
     conform_make_self(c);
     for (uint32_t i = 0; i < c->live_count; i++)
         pull_triangle(c, i);
+    uint32_t hint = MESH_NONE;
     for (uint32_t i = 0; i < c->sample_count; i++)
-        pull_sample(c, &c->samples[i]);
+        pull_sample(c, &c->samples[i], &hint);
     conform_find_contacts(c);
     conform_clear_system(c);
     conform_add_rows(c);

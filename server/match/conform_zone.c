@@ -197,6 +197,7 @@ void conform_make_self(struct conform *c) {
 struct seeding {
     struct conform *c;
     uint32_t queued;
+    uint32_t hint; // of T, where the last one was
 };
 
 static void seed(struct seeding *s, uint32_t vertex) {
@@ -223,16 +224,15 @@ static bool is_off(struct conform *c, vec3 p, vec3 normal, bool dirty, uint32_t 
 static void seed_triangle(struct seeding *s, const struct soup_triangle *t) {
     struct conform *c = s->c;
     const uint32_t *v = c->surface->triangles + 3 * (size_t)t->id;
-    uint32_t hint = MESH_NONE;
     bool dirty = c->dirty[v[0]] || c->dirty[v[1]] || c->dirty[v[2]];
     vec3 middle = vec3_add(t->corners[0], vec3_add(t->corners[1], t->corners[2]));
-    if (is_off(c, vec3_scale(1.0 / 3, middle), t->normal, dirty, &hint))
+    if (is_off(c, vec3_scale(1.0 / 3, middle), t->normal, dirty, &s->hint))
         for (int i = 0; i < 3; i++)
             seed(s, v[i]);
     for (int i = 0; i < 3; i++)
         if (!c->slot[v[i]]) { // not yet looked at
             c->slot[v[i]] = 1;
-            if (is_off(c, t->corners[i], c->normals[v[i]], c->dirty[v[i]], &hint))
+            if (is_off(c, t->corners[i], c->normals[v[i]], c->dirty[v[i]], &s->hint))
                 seed(s, v[i]);
         }
 }
@@ -269,7 +269,7 @@ static void reach_from(struct seeding *s, uint32_t vertex) {
 }
 
 void conform_seed(struct conform *c) {
-    struct seeding s = {c, 0};
+    struct seeding s = {c, 0, MESH_NONE};
     uint32_t count = c->surface->vertex_count;
     for (uint32_t v = 0; v < count; v++) {
         c->reach[v] = INFINITY;

@@ -45,17 +45,18 @@ void soup_add(struct soup *soup, const vec3 corners[3], uint32_t id, bool mark) 
 
 // ---- cells --------------------------------------------------------------------------------------
 
-static int cell_of(double x, double origin, double cell, int size) {
-    double at = (x - origin) / cell;
+static int cell_of(const struct soup *soup, double x, int axis) {
+    double at = (x - (&soup->origin.x)[axis]) * soup->per_mm;
+    int size = soup->size[axis];
     return !(at > 0) ? 0 : at >= size ? size - 1 : (int)at;
 }
 
 static struct soup_cells cells_of(const struct soup *soup, struct box box) {
-    const double *o = &soup->origin.x, *low = &box.min.x, *high = &box.max.x;
+    const double *low = &box.min.x, *high = &box.max.x;
     struct soup_cells cells;
     for (int i = 0; i < 3; i++) {
-        cells.low[i] = (uint16_t)cell_of(low[i], o[i], soup->cell, soup->size[i]);
-        cells.high[i] = (uint16_t)cell_of(high[i], o[i], soup->cell, soup->size[i]);
+        cells.low[i] = (uint16_t)cell_of(soup, low[i], i);
+        cells.high[i] = (uint16_t)cell_of(soup, high[i], i);
     }
     return cells;
 }
@@ -96,6 +97,7 @@ static void place_cells(struct soup *soup) {
         for (int i = 0; i < 3; i++)
             cells *= floor((high[i] - low[i]) / soup->cell) + 1;
     } while (cells > CELLS_MAX);
+    soup->per_mm = 1 / soup->cell;
     for (int i = 0; i < 3; i++)
         soup->size[i] = (int)floor((high[i] - low[i]) / soup->cell) + 1;
 }
@@ -397,9 +399,9 @@ bool soup_closest(struct soup *soup, const struct soup_search *search, struct so
     if (!soup->count)
         return false;
     struct looking s = {search, out, faces_towards(search->facing, search->least), 0, {0}};
-    const double *p = &search->point.x, *o = &soup->origin.x;
+    const double *p = &search->point.x;
     for (int i = 0; i < 3; i++)
-        s.middle[i] = cell_of(p[i], o[i], soup->cell, soup->size[i]);
+        s.middle[i] = cell_of(soup, p[i], i);
     next_stamp(soup);
     note_best(&s);
     if (search->hint < soup->count)

@@ -43,7 +43,7 @@ struct soup {
     struct soup_triangle *at;
     uint32_t count, room;
     vec3 origin;
-    double cell;
+    double cell, per_mm; // a cell's side, and cells in a mm
     int size[3];
     uint32_t *first, first_room; // of a cell's entries
     uint8_t *faces;              // of a cell: those of its entries

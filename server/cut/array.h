@@ -11,6 +11,15 @@
 void *array_grow(void *memory, uint32_t *room, uint32_t need, size_t size);
 void *array_copy(const void *memory, size_t count, size_t size); // NULL where the count is 0
 
+// As fmin and fmax of numbers, without a call.
+static inline double lower(double a, double b) {
+    return a < b ? a : b;
+}
+
+static inline double higher(double a, double b) {
+    return a > b ? a : b;
+}
+
 struct ids {
     uint32_t *at;
     uint32_t count, room;

@@ -41,7 +41,7 @@ struct fan {
 
 static double thinness(vec3 a, vec3 b, vec3 c, vec3 *out_normal) {
     vec3 ab = vec3_sub(b, a), bc = vec3_sub(c, b), ca = vec3_sub(a, c);
-    double longest = fmax(vec3_dot(ab, ab), fmax(vec3_dot(bc, bc), vec3_dot(ca, ca)));
+    double longest = higher(vec3_dot(ab, ab), higher(vec3_dot(bc, bc), vec3_dot(ca, ca)));
     *out_normal = vec3_cross(ab, vec3_sub(c, a));
     return longest > 0 ? vec3_length(*out_normal) / longest : 0;
 }
@@ -57,7 +57,7 @@ static bool gather_fan(const struct cut_mesh *mesh, uint32_t vertex, struct fan 
         triangle_points(mesh, mesh->corners + 3 * (size_t)(side / 3), p);
         double thin = thinness(p[0], p[1], p[2], &fan->normals[fan->count]);
         fan->heights[fan->count] = sqrt(thin * vec3_length(fan->normals[fan->count]));
-        fan->thinnest = fmin(fan->thinnest, thin);
+        fan->thinnest = lower(fan->thinnest, thin);
         fan->sides[fan->count++] = side;
         side = side_around(mesh, side);
     } while (side != first);
@@ -100,7 +100,7 @@ static double merged_thinness(const struct cut_mesh *mesh, const struct fan *fan
                                mesh->points[mesh->corners[side_previous(side)]], &turned);
         if (!(vec3_dot(normal, turned) > 0.5 * length * vec3_length(turned)))
             return -1;
-        thinnest = fmin(thinnest, thin);
+        thinnest = lower(thinnest, thin);
     }
     return thinnest;
 }
@@ -120,7 +120,7 @@ static double judge(const struct cut_mesh *mesh, const struct fan *fan, int k, v
 // The best neighbour to merge into, as an index of the fan; -1: none.
 static int choose_neighbour(const struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
     int best = -1;
-    double least = fmin(fan->thinnest, THIN);
+    double least = lower(fan->thinnest, THIN);
     for (int k = 0; k < fan->count; k++) {
         double good = judge(mesh, fan, k, mesh->points[vertex]);
         if (good < least || !surgery_can_merge(mesh, fan->sides[k]))
@@ -172,8 +172,8 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
             continue;
         vec3 before, left, right, flat;
         double thin = thinness(at_q, at_p, at_r, &before);
-        thin = fmin(thin, thinness(v, at_p, at_q, &flat));
-        double thin_after = fmin(thinness(v, at_p, at_r, &left), thinness(v, at_r, at_q, &right));
+        thin = lower(thin, thinness(v, at_p, at_q, &flat));
+        double thin_after = lower(thinness(v, at_p, at_r, &left), thinness(v, at_r, at_q, &right));
         if (!(thin_after > thin && vec3_dot(before, left) > 0 && vec3_dot(before, right) > 0 &&
               vec3_dot(before, vec3_sub(v, at_p)) <= RISE_MM * vec3_length(before)))
             continue;

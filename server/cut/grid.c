@@ -21,9 +21,9 @@ static void set_size(struct triangle_grid *grid, struct box box) {
 
 void grid_init(struct triangle_grid *grid, struct box box, double cell) {
     vec3 extent = vec3_sub(box.max, box.min);
-    double longest = fmax(extent.x, fmax(extent.y, extent.z));
+    double longest = higher(extent.x, higher(extent.y, extent.z));
     *grid = (struct triangle_grid){
-        .origin = box.min, .cell = fmax(cell, longest / 1024), .free = MESH_NONE};
+        .origin = box.min, .cell = higher(cell, longest / 1024), .free = MESH_NONE};
     for (set_size(grid, box); cell_count(grid) > CELLS_MAX; set_size(grid, box))
         grid->cell *= 1.25;
     grid->heads = alloc(cell_count(grid), sizeof *grid->heads);
@@ -86,10 +86,11 @@ static bool slab_misses(const struct plane_slab *slab, const struct triangle_gri
 }
 
 static struct box box_of(const vec3 c[3]) {
-    return (struct box){{fmin(c[0].x, fmin(c[1].x, c[2].x)), fmin(c[0].y, fmin(c[1].y, c[2].y)),
-                         fmin(c[0].z, fmin(c[1].z, c[2].z))},
-                        {fmax(c[0].x, fmax(c[1].x, c[2].x)), fmax(c[0].y, fmax(c[1].y, c[2].y)),
-                         fmax(c[0].z, fmax(c[1].z, c[2].z))}};
+    return (struct box){{lower(c[0].x, lower(c[1].x, c[2].x)), lower(c[0].y, lower(c[1].y, c[2].y)),
+                         lower(c[0].z, lower(c[1].z, c[2].z))},
+                        {higher(c[0].x, higher(c[1].x, c[2].x)),
+                         higher(c[0].y, higher(c[1].y, c[2].y)),
+                         higher(c[0].z, higher(c[1].z, c[2].z))}};
 }
 
 // ---- entries ----

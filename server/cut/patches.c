@@ -25,7 +25,7 @@ static struct cut_patch measure(const struct cut_mesh *mesh, const uint32_t *tri
     for (uint32_t i = 0; i < count; i++) {
         triangle_points(mesh, mesh->corners + 3 * (size_t)triangles[i], p);
         for (int k = 0; k < 3; k++)
-            patch.extent = fmax(patch.extent, vec3_distance(p[k], patch.centroid));
+            patch.extent = higher(patch.extent, vec3_distance(p[k], patch.centroid));
     }
     return patch;
 }

@@ -148,8 +148,8 @@ static bool covers(struct flat_point a, struct flat_point b, struct flat_point c
 static double quality_of(const struct polygon_filler *f, uint32_t i, enum strictness strictness) {
     const struct polygon_node *b = &f->nodes[i], *a = &f->nodes[b->previous],
                               *c = &f->nodes[b->next];
-    double longest = fmax(square_distance(a->p, b->p),
-                          fmax(square_distance(b->p, c->p), square_distance(c->p, a->p)));
+    double longest = higher(square_distance(a->p, b->p),
+                            higher(square_distance(b->p, c->p), square_distance(c->p, a->p)));
     double quality = longest > 0 ? flat_cross(a->p, b->p, c->p) / longest : 0;
     if (strictness != FORCED && quality < (strictness == STRICT ? FLAT : -FLAT))
         return -1;

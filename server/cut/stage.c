@@ -35,7 +35,7 @@ static vec3 centre_of(const struct convex *blade) {
 static double least_depth(const struct convex *blade, vec3 centre) {
     double least = INFINITY;
     for (int f = 0; f < blade->plane_count; f++)
-        least = fmin(least, blade->planes[f].offset - vec3_dot(blade->planes[f].normal, centre));
+        least = lower(least, blade->planes[f].offset - vec3_dot(blade->planes[f].normal, centre));
     return least;
 }
 
@@ -44,8 +44,9 @@ static void set_box(struct convex *blade) {
     *box = (struct box){blade->vertices[0], blade->vertices[0]};
     for (int v = 1; v < blade->vertex_count; v++) {
         vec3 p = blade->vertices[v];
-        box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
-        box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
+        box->min = (vec3){lower(box->min.x, p.x), lower(box->min.y, p.y), lower(box->min.z, p.z)};
+        box->max =
+            (vec3){higher(box->max.x, p.x), higher(box->max.y, p.y), higher(box->max.z, p.z)};
     }
 }
 

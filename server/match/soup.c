@@ -74,9 +74,8 @@ static struct box box_of(const vec3 c[3]) {
 }
 
 static bool lies_in(struct box inner, struct box outer) {
-    return outer.min.x <= inner.min.x && inner.max.x <= outer.max.x &&
-           outer.min.y <= inner.min.y && inner.max.y <= outer.max.y &&
-           outer.min.z <= inner.min.z && inner.max.z <= outer.max.z;
+    return outer.min.x <= inner.min.x && inner.max.x <= outer.max.x && outer.min.y <= inner.min.y &&
+           inner.max.y <= outer.max.y && outer.min.z <= inner.min.z && inner.max.z <= outer.max.z;
 }
 
 static void place_cells(struct soup *soup) {
@@ -183,7 +182,8 @@ void soup_build(struct soup *soup) {
     for (uint32_t i = 0; i < cells; i++)
         soup->first[i + 2] += soup->first[i + 1];
     room_for(&soup->entries, &soup->entry_room, soup->first[cells + 1]);
-    for (uint32_t t = 0; t < soup->count; t++) { // first[i + 1] grows from a cell's start to its end
+    for (uint32_t t = 0; t < soup->count;
+         t++) { // first[i + 1] grows from a cell's start to its end
         struct soup_entry entry = {t, face_of(soup->at[t].normal)};
         FOR_CELLS(soup, soup->cells[t], i)
         soup->entries[soup->first[i + 1]++] = entry;

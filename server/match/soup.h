@@ -22,10 +22,10 @@ struct soup_triangle {
 
 // What a search asks first of a triangle, in one line of the cache.
 struct soup_bound {
-    vec3 normal; // NaN where the triangle is never the closest
-    double offset; // of its plane
+    vec3 normal;           // NaN where the triangle is never the closest
+    double offset;         // of its plane
     float low[3], high[3]; // its box, or a hair more
-    uint32_t stamp; // of the last search that has seen it
+    uint32_t stamp;        // of the last search that has seen it
 };
 
 // A face says through which one of a cube around it a normal looks.

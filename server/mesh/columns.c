@@ -103,7 +103,8 @@ static void sort_into_columns(const struct crossings *crossings, struct columns 
         next[crossings->all[i].column + 2]++;
     for (size_t c = 0; c < count; c++)
         next[c + 2] += next[c + 1];
-    for (size_t i = 0; i < crossings->count; i++) // next[c + 1] grows from a column's start to its end
+    for (size_t i = 0; i < crossings->count;
+         i++) // next[c + 1] grows from a column's start to its end
         columns->heights[next[crossings->all[i].column + 1]++] = crossings->all[i].height;
     for (size_t c = 0; c < count; c++)
         sort_few(columns->heights + columns->first[c], columns->first[c + 1] - columns->first[c]);

@@ -46,8 +46,8 @@ static double distance_from(const struct mesh *mesh, vec3 p, double enough, uint
     double nearest = INFINITY;
     for (uint32_t k = 0, first = *hint; k < mesh->triangle_count && nearest > enough; k++) {
         struct closest closest;
-        uint32_t t = k + first < mesh->triangle_count ? k + first
-                                                      : k + first - mesh->triangle_count;
+        uint32_t t =
+            k + first < mesh->triangle_count ? k + first : k + first - mesh->triangle_count;
         closest_on_triangle(mesh, t, p, &closest);
         if (closest.distance < nearest) {
             nearest = closest.distance;

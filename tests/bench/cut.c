@@ -2,9 +2,9 @@
 
 #include "case/case.h"
 #include "cut_session.h"
-#include "fine_knee.h"
 #include "cutting/specimens.h"
 #include "cutting/voxels.h"
+#include "fine_knee.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -69,7 +69,8 @@ static enum result measure_lesions(const struct bench_options *options, struct r
     for (int i = 0; result == RESULT_OK && i < lesions; i++) {
         result = cut_lesion(NULL, fine_lesions[i], options->quick, report, totals, err);
         for (int k = 0; result == RESULT_OK && k < options->input_count; k++)
-            result = cut_lesion(options->inputs[k], fine_lesions[i], options->quick, report, totals, err);
+            result = cut_lesion(options->inputs[k], fine_lesions[i], options->quick, report, totals,
+                                err);
     }
     return result;
 }

@@ -22,7 +22,7 @@ struct cut_totals {
     double p50_ms, p95_ms, max_ms; // of a change
     double knife_p95_ms;           // of a change by a knife that turns
     double job_over_kernels;       // jobs over the cuts and matches in them
-    char first_fault[512];              // "" where there is none
+    char first_fault[512];         // "" where there is none
 };
 
 // Counts the trial's last cut.
@@ -36,8 +36,8 @@ size_t cut_mesh_bytes(const struct cut_mesh *mesh);
 struct cut_plan {
     const char *name;
     const struct mesh *mesh;
-    bool is_timed; // its times count
-    bool is_20k;   // the whole meniscus of 20k triangles: its messages count
+    bool is_timed;    // its times count
+    bool is_20k;      // the whole meniscus of 20k triangles: its messages count
     int sequences[3]; // of 15, 100 and 300 changes
 };
 
@@ -64,7 +64,7 @@ struct cut_resection {
 void cut_jobs(const struct cut_resection *resection, struct report *report,
               struct cut_totals *totals);
 
-// Sequences, a knife and jobs on the meniscus that a recipe tears, fine_knee.h's; with the folder of
-// a case, on that one's.
+// Sequences, a knife and jobs on the meniscus that a recipe tears, fine_knee.h's; with the folder
+// of a case, on that one's.
 enum result cut_lesion(const char *dir, const char *recipe, bool quick, struct report *report,
                        struct cut_totals *totals, struct error *err);

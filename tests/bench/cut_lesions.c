@@ -45,8 +45,9 @@ static enum result cut_torn(const char *name, const struct case_group *group, bo
     return RESULT_OK;
 }
 
-static enum result resect(const char *name, struct knee_case **knee, const struct touch_moves *moves,
-                          struct report *report, struct cut_totals *totals, struct error *err) {
+static enum result resect(const char *name, struct knee_case **knee,
+                          const struct touch_moves *moves, struct report *report,
+                          struct cut_totals *totals, struct error *err) {
     struct scene *scene;
     enum result result = scene_create(knee, &scene, err);
     if (result != RESULT_OK)

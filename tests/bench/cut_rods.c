@@ -1,6 +1,6 @@
-#include "generate/tube.h"
 #include "cut.h"
 #include "cutting/bites.h"
+#include "generate/tube.h"
 
 #include <math.h>
 

@@ -298,8 +298,12 @@ static enum result resection(const struct touring *tour, const struct resecting 
     if (result != RESULT_OK)
         return fail_in(err, result, "%s: ", r->recipe);
     name_scene(r, knee, sizeof name, name);
-    struct scene_of_cuts scene = {name,        case_group(knee, moves.group), moves.moves,
-                                  moves.count, SCENE_RESECTION,               r->dir || r->is_fine};
+    struct scene_of_cuts scene = {name,
+                                  case_group(knee, moves.group),
+                                  moves.moves,
+                                  moves.count,
+                                  SCENE_RESECTION,
+                                  r->dir || r->is_fine};
     result = scene.group ? play(tour, &scene, err)
                          : fail(err, RESULT_MISSING, "%s: nothing was cut", r->recipe);
     free(moves.moves);

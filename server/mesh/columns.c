@@ -55,14 +55,25 @@ static double most(double a, double b, double c) {
     return high > c ? high : c;
 }
 
+// As ceil and floor, without a call.
+static int round_up(double x) {
+    int i = (int)x;
+    return i + (x > i);
+}
+
+static int round_down(double x) {
+    int i = (int)x;
+    return i - (x < i);
+}
+
 static void cross_triangle(const struct columns *columns, const vec3 *points, const uint32_t *t,
                            struct crossings *crossings) {
     vec3 a = points[t[0]], b = points[t[1]], c = points[t[2]];
     double step = columns->step, z;
-    int i0 = (int)ceil((least(a.x, b.x, c.x) - columns->x) / step);
-    int i1 = (int)floor((most(a.x, b.x, c.x) - columns->x) / step);
-    int j0 = (int)ceil((least(a.y, b.y, c.y) - columns->y) / step);
-    int j1 = (int)floor((most(a.y, b.y, c.y) - columns->y) / step);
+    int i0 = round_up((least(a.x, b.x, c.x) - columns->x) / step);
+    int i1 = round_down((most(a.x, b.x, c.x) - columns->x) / step);
+    int j0 = round_up((least(a.y, b.y, c.y) - columns->y) / step);
+    int j1 = round_down((most(a.y, b.y, c.y) - columns->y) / step);
     for (int j = j0; j <= j1; j++)
         for (int i = i0; i <= i1; i++)
             if (height_over(points, t, columns->x + i * step, columns->y + j * step, &z))

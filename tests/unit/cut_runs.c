@@ -1,4 +1,4 @@
-#include "cut/cut.h"
+#include "cut/cut_mesh.h"
 #include "scene/shapes.h"
 #include "test.h"
 #include "unit/cut_scene.h"
@@ -191,6 +191,29 @@ static void flat_surface_does_not_pile_up_triangles(void **state) {
     cut_mesh_destroy(&mesh);
 }
 
+// ---- cavities ----
+
+static uint32_t pieces_of(struct cut_change change) {
+    uint32_t count = (uint32_t)change.piece_count;
+    cut_change_fini(&change);
+    return count;
+}
+
+// A mesh that may have cavities pays for it with each piece.
+static void a_cavity_that_is_open_is_one_no_more(void **state) {
+    (void)state;
+    struct cut_mesh *mesh = cube(5);
+    pieces_of(cut(mesh, box((vec3){-1, -1, -1}, (vec3){1, 1, 1})));
+    assert_true(mesh->hollow);
+    assert_int_equal(pieces_of(cut(mesh, box((vec3){3, -6, -6}, (vec3){3.2, 6, 6}))), 1);
+    assert_true(mesh->hollow);
+    pieces_of(cut(mesh, box((vec3){-0.5, -0.5, 0}, (vec3){0.5, 0.5, 6})));
+    assert_int_equal(pieces_of(cut(mesh, box((vec3){2, -6, -6}, (vec3){2.2, 6, 6}))), 1);
+    assert_false(mesh->hollow);
+    sound_topology(mesh);
+    cut_mesh_destroy(&mesh);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_change_tells_all_that_has_changed),
@@ -198,6 +221,7 @@ int main(void) {
         cmocka_unit_test(ids_of_a_cut_are_used_again),
         cmocka_unit_test(a_copy_goes_on_with_the_same_bits),
         cmocka_unit_test(bites_add_up_and_keep_the_mesh_sound),
+        cmocka_unit_test(a_cavity_that_is_open_is_one_no_more),
         cmocka_unit_test(flat_surface_does_not_pile_up_triangles),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -65,7 +65,7 @@ static enum result measure_case(const char *dir, bool quick, struct report *repo
 static enum result measure_lesions(const struct bench_options *options, struct report *report,
                                    struct cut_totals *totals, struct error *err) {
     enum result result = RESULT_OK;
-    int lesions = options->quick ? 2 : FINE_LESIONS;
+    int lesions = options->quick ? 1 : FINE_LESIONS;
     for (int i = 0; result == RESULT_OK && i < lesions; i++) {
         result = cut_lesion(NULL, fine_lesions[i], options->quick, report, totals, err);
         for (int k = 0; result == RESULT_OK && k < options->input_count; k++)

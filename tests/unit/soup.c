@@ -1,4 +1,5 @@
 #include "match/soup.h"
+
 #include "random.h"
 #include "test.h"
 

@@ -9,14 +9,14 @@
 
 // ---- bodies ----
 
-// With the cavities that are in it; flood->owner is forgotten where there are any.
-static void list_triangles(const struct cut_mesh *mesh, struct flood *flood, uint32_t body,
+// With the cavities that are in it.
+static void list_triangles(const struct cut_mesh *mesh, const struct flood *flood, uint32_t body,
                            struct ids *out) {
     out->count = 0;
     for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
         ids_push(out, flood->entries[e].triangle);
     if (mesh->hollow)
-        hollow_append(mesh, &flood->cavities, &flood->owner, out);
+        hollow_append(mesh, &flood->cavities, &mesh->scratch->stage->slots, out);
     ids_sort(out);
 }
 
@@ -77,8 +77,6 @@ static void finish_all(const struct cut_mesh *mesh, struct flood *flood) {
 
 // The body that stays, and the volumes of those that do not.
 static uint32_t find_largest(const struct cut_mesh *mesh, struct flood *flood, double *volumes) {
-    if (mesh->hollow)
-        finish_all(mesh, flood);
     struct shares shares = share_out(mesh, flood, volumes);
     if (shares.growing == MESH_NONE)
         return shares.largest;

@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <time.h>
 
 void samples_add(struct samples *samples, double value) {
     if (samples->count == samples->capacity) {
@@ -42,4 +43,10 @@ double samples_quantile(struct samples *samples, double share) {
         return NAN;
     qsort(samples->values, samples->count, sizeof(double), compare);
     return samples->values[(size_t)(share * (double)(samples->count - 1))];
+}
+
+double samples_own_us(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
 }

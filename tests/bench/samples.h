@@ -17,3 +17,6 @@ double samples_max(const struct samples *samples);
 
 // The share-th value from below, 0.5 the median. Sorts the samples.
 double samples_quantile(struct samples *samples, double share);
+
+// The processor time of this thread so far, in µs: a busy machine interrupts what is measured.
+double samples_own_us(void);

@@ -1,13 +1,12 @@
 #include "avatar.h"
-#include "base/clock.h"
 #include "bench.h"
+#include "plain_query.h"
 #include "random.h"
 #include "samples.h"
 #include "scene/bodies.h"
 #include "scene/brute.h"
 
 #include <string.h>
-#include <time.h>
 
 // The hand at 50 mm/s, asked a thousand times a second.
 #define STEP_MM 0.05
@@ -44,13 +43,6 @@ struct run {
     int count;
 };
 
-// Of the thread itself: a busy machine interrupts what is measured.
-static double own_us(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
-}
-
 static void time_queries(const struct run *run, struct samples *out_us) {
     struct random r = {1};
     struct warp_memory memory;
@@ -60,9 +52,9 @@ static void time_queries(const struct run *run, struct samples *out_us) {
         vec3 y = place(run->far, run->start ? STEP_MM * i : random_between(&r, 0, 5000));
         if (run->start != START_LAST)
             warp_memory_init(&memory);
-        double before = own_us();
+        double before = samples_own_us();
         warp_point(run->scene, &run->field, y, &memory, &warp);
-        double after = own_us();
+        double after = samples_own_us();
         if (i >= 0)
             samples_add(out_us, after - before);
     }
@@ -97,32 +89,61 @@ static struct took measure_starts(struct run *run, const char *size, struct repo
     return took[START_LAST];
 }
 
-// For the field of sessions, near, following.
-static struct took measure_size(const struct warp_scene *scene, const char *size, int count,
-                                struct report *report) {
-    struct took result = {0};
+// By each field; out_near: near, following.
+static void measure_size(const struct warp_scene *scene, const char *size, int count,
+                         struct report *report, struct took out_near[FIELD_COUNT]) {
     for (int far = 0; far < 2; far++)
         for (int kind = 0; kind < FIELD_COUNT; kind++) {
             struct run run = {scene, field_default((enum field_kind)kind), far, 0, count};
             struct took took = measure_starts(&run, size, report);
-            if (!far && kind == FIELD_INTEGRAL)
-                result = took;
+            if (!far)
+                out_near[kind] = took;
         }
-    return result;
 }
 
 // Every triangle of every surface, in turn: what a warp's time is compared with on any machine.
 static double brute_force_us(const struct bodies *bodies) {
     struct samples us = {0};
     for (int i = 0; i < 20; i++) {
-        double before = own_us();
+        double before = samples_own_us();
         for (int k = 0; k < bodies->count; k++)
             brute_distance(&bodies->meshes[k], place(false, 250 * i));
-        samples_add(&us, own_us() - before);
+        samples_add(&us, samples_own_us() - before);
     }
     double median = samples_quantile(&us, 0.5);
     samples_fini(&us);
     return median;
+}
+
+// Embree's plain point query over ours, all surfaces at a place in turn.
+static double plain_over_queries(const struct bodies *bodies, double reach_mm, int count) {
+    struct plain_query *plain[BODIES_MAX];
+    uint32_t last[BODIES_MAX];
+    struct samples plain_us = {0}, us = {0};
+    for (int k = 0; k < bodies->count; k++) {
+        plain[k] = plain_query_create(&bodies->meshes[k]);
+        last[k] = MESH_NONE;
+    }
+    for (int i = 0; i < count; i++) {
+        vec3 p = place(false, STEP_MM * i);
+        double before = samples_own_us(), between;
+        for (int k = 0; k < bodies->count; k++)
+            plain_query_distance(plain[k], p, reach_mm);
+        between = samples_own_us();
+        for (int k = 0; k < bodies->count; k++) {
+            struct closest c = {.triangle = last[k]};
+            query_closest(bodies->queries[k], p, reach_mm, last[k], &c);
+            last[k] = c.triangle;
+        }
+        samples_add(&us, samples_own_us() - between);
+        samples_add(&plain_us, between - before);
+    }
+    double ratio = samples_quantile(&plain_us, 0.5) / samples_quantile(&us, 0.5);
+    samples_fini(&plain_us);
+    samples_fini(&us);
+    for (int k = 0; k < bodies->count; k++)
+        plain_query_destroy(&plain[k]);
+    return ratio;
 }
 
 static double surfaces_in_reach(const struct bodies *bodies, double reach_mm) {
@@ -179,9 +200,9 @@ static double measure_off(const struct bodies *ring, enum field_kind kind, doubl
         struct warp warp;
         warp_memory_init(&memory);
         warp_point(&scene, &field, y, &memory, &warp); // where the tip was a moment ago
-        double before = own_us();
+        double before = samples_own_us();
         warp_point(&scene, &field, y, &memory, &warp);
-        samples_add(&us, own_us() - before);
+        samples_add(&us, samples_own_us() - before);
     }
     double median = samples_quantile(&us, 0.5);
     report_figure(report, median, "us", "one ring/%s/%g mm off/median", field_name(kind), off_mm);
@@ -202,9 +223,9 @@ static double mean_error(const struct bodies *ring, int points, double *out_brut
         double distance = brute_distance(&ring->meshes[0], p);
         if (!surface_mean_at(ring->means[0], p, distance, &value))
             return INFINITY;
-        double before = own_us();
+        double before = samples_own_us();
         struct brute_mean truth = brute_mean(&ring->meshes[0], ring->displacements[0], p);
-        samples_add(&us, own_us() - before);
+        samples_add(&us, samples_own_us() - before);
         largest = fmax(largest, vec3_distance(value.displacement, truth.displacement));
     }
     *out_brute_us = samples_quantile(&us, 0.5);
@@ -213,18 +234,18 @@ static double mean_error(const struct bodies *ring, int points, double *out_brut
 }
 
 static void measure_upkeep(struct bodies *ring, int count, struct report *report) {
-    int64_t before = clock_now_ns();
+    double before = samples_own_us();
     struct surface_tree *tree = surface_tree_create(&ring->meshes[0]);
     struct surface_mean *mean = surface_mean_create(tree, ring->displacements[0]);
-    report_figure(report, 1e-6 * (double)(clock_now_ns() - before), "ms", "one ring/smooth/build");
+    report_figure(report, 1e-3 * (samples_own_us() - before), "ms", "one ring/smooth/build");
     struct samples us = {0};
     for (int i = 0; i < count; i++) {
         uint32_t vertices[CUT_VERTICES];
         for (uint32_t k = 0; k < CUT_VERTICES; k++)
             vertices[k] = (uint32_t)i * 7 % (ring->meshes[0].vertex_count - CUT_VERTICES) + k;
-        before = clock_now_ns();
+        before = samples_own_us();
         surface_mean_update(mean, vertices, CUT_VERTICES);
-        samples_add(&us, 1e-3 * (double)(clock_now_ns() - before));
+        samples_add(&us, samples_own_us() - before);
     }
     report_figure(report, samples_quantile(&us, 0.5), "us", "one ring/smooth/update of %d vertices",
                   CUT_VERTICES);
@@ -256,29 +277,40 @@ static void measure_smooth(bool quick, struct report *report) {
 
 // ---- all ----------------------------------------------------------------------------------------
 
+static void report_20k(const struct bodies *bodies, const struct took near[FIELD_COUNT], int count,
+                       struct report *report) {
+    const struct took *usual = &near[FIELD_INTEGRAL];
+    report_mark(report, "warp_tip_us_20k", usual->median_us, "us", 8, BETTER_LOW);
+    report_mark(report, "warp_inverse_us_20k", near[FIELD_INVERSE_DISTANCE].median_us, "us", 3,
+                BETTER_LOW);
+    report_mark(report, "warp_tip_p99_over_median_20k", usual->p99_us / usual->median_us, "times",
+                3, BETTER_LOW);
+    report_figure(report,
+                  plain_over_queries(bodies, field_default(FIELD_INTEGRAL).radius_mm, count),
+                  "times", "embree_over_queries");
+    report_figure(report, brute_force_us(bodies) / usual->median_us, "times",
+                  "20k/near/brute force over following");
+}
+
 enum result bench_warp(const struct bench_options *options, struct report *report,
                        struct error *err) {
     (void)err;
     const pose B[3] = {pose_identity(), pose_identity(), pose_identity()};
+    const int count = options->quick ? 4000 : 40000;
     double error = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         struct bodies bodies;
+        struct took near[FIELD_COUNT];
         bodies_knee(&bodies, sizes[i].n);
         bodies_smooth(&bodies);
         bodies_integrate(&bodies);
         struct warp_scene scene = {bodies.surfaces, bodies.count, B, NULL};
-        struct took took =
-            measure_size(&scene, sizes[i].name, options->quick ? 4000 : 40000, report);
+        measure_size(&scene, sizes[i].name, count, report, near);
         report_figure(report, surfaces_in_reach(&bodies, field_default(FIELD_SMOOTH).radius_mm),
                       "surfaces", "%s/near/within reach of the tip, of %d", sizes[i].name,
                       bodies.count);
-        if (!strcmp(sizes[i].name, "20k")) {
-            report_mark(report, "warp_tip_us_20k", took.median_us, "us", 14, BETTER_LOW);
-            report_mark(report, "warp_tip_p99_over_median_20k", took.p99_us / took.median_us,
-                        "times", 3, BETTER_LOW);
-            report_figure(report, brute_force_us(&bodies) / took.median_us, "times",
-                          "20k/near/brute force over following");
-        }
+        if (!strcmp(sizes[i].name, "20k"))
+            report_20k(&bodies, near, count, report);
         int points = (options->quick ? 40000 : 400000) / (sizes[i].n * sizes[i].n) + 4;
         error = fmax(error, largest_error(&bodies, points));
         bodies_fini(&bodies);

@@ -7,13 +7,13 @@
 
 // ---- lanes --------------------------------------------------------------------------------------
 
-static void set3(lanes8 out[3], int lane, vec3 v) {
+static void set3(block_lanes out[3], int lane, vec3 v) {
     out[0][lane] = v.x;
     out[1][lane] = v.y;
     out[2][lane] = v.z;
 }
 
-static vec3 get3(const lanes8 in[3], int lane) {
+static vec3 get3(const block_lanes in[3], int lane) {
     return (vec3){in[0][lane], in[1][lane], in[2][lane]};
 }
 
@@ -204,7 +204,7 @@ static void list_bottoms(struct surface_blocks *out) {
 }
 
 static void *alloc_lanes(size_t count, size_t size) {
-    return memset(alloc_aligned(sizeof(lanes8), count * size), 0, count * size);
+    return memset(alloc_aligned(BLOCK_ALIGN, count * size), 0, count * size);
 }
 
 struct surface_blocks *surface_blocks_create(const struct mesh *mesh) {

@@ -7,15 +7,16 @@
 
 #define BLOCK_LANES 8
 
-typedef double lanes8 __attribute__((vector_size(BLOCK_LANES * sizeof(double))));
-typedef int64_t mask8 __attribute__((vector_size(BLOCK_LANES * sizeof(int64_t))));
+typedef double block_lanes[BLOCK_LANES]; // one number of each lane
+#define BLOCK_ALIGN sizeof(block_lanes)
 
 // Up to eight pieces of surface; lanes from `count` on have no area.
 struct surface_block {
-    lanes8 centre[3], area, square; // square: of the radius of a ball that holds the piece
-    lanes8 spread[6];               // ∫ s sᵀ dA: xx, xy, xz, yy, yz, zz
-    uint32_t child[BLOCK_LANES];    // a block, or a triangle where the block is at the bottom
-    uint32_t parent;                // the root is its own
+    _Alignas(BLOCK_ALIGN) block_lanes centre[3];
+    block_lanes area, square;    // square: of the radius of a ball that holds the piece
+    block_lanes spread[6];       // ∫ s sᵀ dA: xx, xy, xz, yy, yz, zz
+    uint32_t child[BLOCK_LANES]; // a block, or a triangle where the block is at the bottom
+    uint32_t parent;             // the root is its own
     uint32_t count;
     bool is_bottom;
 };
@@ -36,9 +37,9 @@ void surface_blocks_destroy(struct surface_blocks **blocks); // NULL inside is f
 
 // A displacement over the pieces of one block.
 struct block_moments {
-    lanes8 mean[3];  // ∫ u dA / A
-    lanes8 slope[9]; // ∫ u sᵀ dA, row by row
-    bool moves;      // not 0 all over
+    _Alignas(BLOCK_ALIGN) block_lanes mean[3]; // ∫ u dA / A
+    block_lanes slope[9];                      // ∫ u sᵀ dA, row by row
+    bool moves;                                // not 0 all over
 };
 
 // A triangle and what moves its corners; it need not be one of the mesh.

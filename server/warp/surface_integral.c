@@ -1,7 +1,6 @@
 #include "warp/surface_integral.h"
 
 #include "base/check.h"
-#include "warp/lanes.h"
 #include "warp/surface_walk.h"
 
 #include <stdlib.h>
@@ -36,7 +35,7 @@ struct surface_integral *surface_integral_create(const struct surface_blocks *bl
     if (!displacement)
         return integral;
     size_t size = blocks->count * sizeof *integral->moments;
-    integral->moments = alloc_aligned(sizeof(lanes8), size);
+    integral->moments = alloc_aligned(BLOCK_ALIGN, size);
     memset(integral->moments, 0, size);
     integral->is_stale = alloc(blocks->count, sizeof *integral->is_stale);
     for (uint32_t i = 0; i < blocks->count; i++)
@@ -70,14 +69,19 @@ void surface_integral_update(struct surface_integral *integral, const uint32_t *
 
 // ---- asking -------------------------------------------------------------------------------------
 
-static vec3 total3(const lanes8 sums[3]) {
-    return (vec3){sum8(sums[0]), sum8(sums[1]), sum8(sums[2])};
+// In a fixed order.
+static double total(const block_lanes a) {
+    return ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]));
 }
 
-static mat3 total9(const lanes8 sums[9]) {
+static vec3 total3(const block_lanes sums[3]) {
+    return (vec3){total(sums[0]), total(sums[1]), total(sums[2])};
+}
+
+static mat3 total9(const block_lanes sums[9]) {
     mat3 out;
     for (int i = 0; i < 9; i++)
-        out.m[i / 3][i % 3] = sum8(sums[i]);
+        out.m[i / 3][i % 3] = total(sums[i]);
     return out;
 }
 
@@ -101,7 +105,7 @@ bool surface_integral_at(const struct surface_integral *integral, vec3 p, vec3 c
     if (!(walk.square > 0.99 * least && walk.square < SQUARE_MAX))
         return false;
     surface_walk(&walk, surface_walk_best());
-    double weight = sum8(walk.sums.weight), scale = 1 / weight;
+    double weight = total(walk.sums.weight), scale = 1 / weight;
     if (!(weight > 0))
         return false;
     vec3 weight_slope = total3(walk.sums.weight_slope);

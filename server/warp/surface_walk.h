@@ -5,9 +5,10 @@
 
 // Integrals of r⁻⁴, of (x − p) r⁻⁴ and of u r⁻⁴, with their derivatives by p, lane by lane.
 struct lane_sums {
-    lanes8 weight, weight_slope[3];
-    lanes8 place[3], place_slope[9];
-    lanes8 field[3], field_slope[9];
+    _Alignas(BLOCK_ALIGN) block_lanes weight;
+    block_lanes weight_slope[3];
+    block_lanes place[3], place_slope[9];
+    block_lanes field[3], field_slope[9];
 };
 
 struct walk {
@@ -26,3 +27,8 @@ enum walk_level surface_walk_best(void); // that this one has
 
 // sums being 0; level: at most the best.
 void surface_walk(struct walk *walk, enum walk_level level);
+
+// One for each level, by warp/surface_walk_lanes.h.
+void surface_walk_plain(struct walk *walk);
+void surface_walk_avx2(struct walk *walk);
+void surface_walk_avx512(struct walk *walk);

@@ -5,8 +5,9 @@
 #include "scene/bodies.h"
 #include "scene/brute.h"
 #include "test.h"
-#include "warp/lanes.h"
 #include "warp/surface_walk.h"
+#define WIDE 4
+#include "warp/lanes.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -190,7 +191,7 @@ static void every_cpu_level_gives_the_same_bits(void **state) {
     struct bodies s;
     ring(&s);
     struct block_moments *moments =
-        aligned_alloc(sizeof(lanes8), s.blocks[0]->count * sizeof *moments);
+        aligned_alloc(BLOCK_ALIGN, s.blocks[0]->count * sizeof *moments);
     memset(moments, 0, s.blocks[0]->count * sizeof *moments);
     for (uint32_t i = s.blocks[0]->count; i-- > 0;)
         surface_block_gather(s.blocks[0], s.displacements[0], moments, i);
@@ -212,13 +213,13 @@ static void angles_are_good_to_the_last_digits(void **state) {
     (void)state;
     struct random r = {7};
     for (int i = 0; i < 20000; i++) {
-        lanes8 x, y;
-        for (int k = 0; k < BLOCK_LANES; k++) {
+        wide x, y;
+        for (int k = 0; k < WIDE; k++) {
             x[k] = random_between(&r, -1, 1) * pow(10, random_between(&r, -8, 8));
             y[k] = random_between(&r, 1e-9, 1) * pow(10, random_between(&r, -8, 8));
         }
-        lanes8 angle = angle8(x, y);
-        for (int k = 0; k < BLOCK_LANES; k++)
+        wide angle = wide_angle(x, y);
+        for (int k = 0; k < WIDE; k++)
             assert_true(fabs(angle[k] / atan2(y[k], x[k]) - 1) < 1e-15);
     }
 }

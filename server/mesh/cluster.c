@@ -11,7 +11,7 @@ static double inverse(double value) {
     return value > 0 ? 1 / value : 0;
 }
 
-static void set3(lanes out[3], int lane, vec3 v) {
+static void set3(cluster_lanes out[3], int lane, vec3 v) {
     out[0][lane] = (float)v.x;
     out[1][lane] = (float)v.y;
     out[2][lane] = (float)v.z;
@@ -38,7 +38,7 @@ static int first_corner(const struct mesh *mesh, uint32_t triangle) {
     return first;
 }
 
-static void fill_lane(struct cluster_block *block, int lane, const struct mesh *mesh,
+static void fill_lane(struct cluster *cluster, int lane, const struct mesh *mesh,
                       uint32_t triangle) {
     int first = first_corner(mesh, triangle);
     vec3 a = mesh_corner(mesh, triangle, first);
@@ -48,30 +48,15 @@ static void fill_lane(struct cluster_block *block, int lane, const struct mesh *
     vec3 z = vec3_unit_or(vec3_cross(ab, ac), any_normal_to(x));
     vec3 y = vec3_cross(z, x);
     double b_x = vec3_dot(x, ab), c_x = vec3_dot(x, ac), c_y = vec3_dot(y, ac);
-    set3(block->a, lane, a);
-    set3(block->x, lane, x);
-    set3(block->y, lane, y);
-    set3(block->z, lane, z);
-    block->b_x[lane] = (float)b_x;
-    block->c_x[lane] = (float)c_x;
-    block->c_y[lane] = (float)c_y;
-    block->inv_ac[lane] = (float)inverse(c_x * c_x + c_y * c_y);
-    block->inv_bc[lane] = (float)inverse((c_x - b_x) * (c_x - b_x) + c_y * c_y);
-}
-
-static void fill_box(struct cluster *cluster, const struct mesh *mesh) {
-    for (int axis = 0; axis < 3; axis++) {
-        cluster->low[axis] = INFINITY;
-        cluster->high[axis] = -INFINITY;
-    }
-    for (int i = 0; i < 3 * CLUSTER_SIZE; i++) {
-        uint32_t vertex = mesh->triangles[3 * (size_t)cluster->triangles[i / 3] + (size_t)i % 3];
-        const float *p = mesh->positions + 3 * (size_t)vertex;
-        for (int axis = 0; axis < 3; axis++) {
-            cluster->low[axis] = fminf(cluster->low[axis], p[axis]);
-            cluster->high[axis] = fmaxf(cluster->high[axis], p[axis]);
-        }
-    }
+    set3(cluster->a, lane, a);
+    set3(cluster->x, lane, x);
+    set3(cluster->y, lane, y);
+    set3(cluster->z, lane, z);
+    cluster->b_x[lane] = (float)b_x;
+    cluster->c_x[lane] = (float)c_x;
+    cluster->c_y[lane] = (float)c_y;
+    cluster->inv_ac[lane] = (float)inverse(c_x * c_x + c_y * c_y);
+    cluster->inv_bc[lane] = (float)inverse((c_x - b_x) * (c_x - b_x) + c_y * c_y);
 }
 
 struct placed {
@@ -83,9 +68,8 @@ static void fill_cluster(struct cluster *cluster, const struct mesh *mesh,
                          const struct placed *placed, uint32_t count) {
     for (uint32_t i = 0; i < CLUSTER_SIZE; i++) {
         cluster->triangles[i] = placed[i < count ? i : count - 1].triangle;
-        fill_lane(&cluster->blocks[i / LANES], (int)(i % LANES), mesh, cluster->triangles[i]);
+        fill_lane(cluster, (int)i, mesh, cluster->triangles[i]);
     }
-    fill_box(cluster, mesh);
 }
 
 struct splitter {
@@ -138,7 +122,15 @@ static void part(struct splitter *s, struct placed *placed, uint32_t count, uint
     }
 }
 
-// Halves along the widest axis, the left half a whole number of clusters.
+// What is left of a half so that all before it fill their boxes.
+static uint32_t left_of(uint32_t count) {
+    uint64_t size = CLUSTER_SIZE;
+    while (size * CLUSTER_SIZE < count)
+        size *= CLUSTER_SIZE;
+    return (uint32_t)((count + size - 1) / size / 2 * size);
+}
+
+// Halves along the widest axis.
 static void split(struct splitter *s, struct placed *placed, uint32_t count) {
     if (count <= CLUSTER_SIZE) {
         fill_cluster(&s->clusters[s->count++], s->mesh, placed, count);
@@ -147,8 +139,7 @@ static void split(struct splitter *s, struct placed *placed, uint32_t count) {
     int axis = widest_axis(s, placed, count);
     for (uint32_t i = 0; i < count; i++)
         placed[i].at = s->middles[3 * (size_t)placed[i].triangle + (size_t)axis];
-    uint32_t clusters = (count + CLUSTER_SIZE - 1) / CLUSTER_SIZE;
-    uint32_t left = clusters / 2 * CLUSTER_SIZE;
+    uint32_t left = left_of(count);
     part(s, placed, count, left);
     split(s, placed, left);
     split(s, placed + left, count - left);
@@ -166,69 +157,83 @@ static float *triangle_middles(const struct mesh *mesh) {
     return middles;
 }
 
-struct cluster *clusters_create(const struct mesh *mesh, uint32_t *out_count) {
-    size_t most = ((size_t)mesh->triangle_count + CLUSTER_SIZE - 1) / CLUSTER_SIZE;
-    struct cluster *clusters = alloc_aligned(64, most * sizeof *clusters);
+static uint32_t eighth(uint32_t count) {
+    return (uint32_t)(((uint64_t)count + CLUSTER_SIZE - 1) / CLUSTER_SIZE);
+}
+
+static void make_clusters(struct cluster_tree *tree, const struct mesh *mesh) {
     struct placed *placed = alloc(mesh->triangle_count, sizeof *placed);
     float *middles = triangle_middles(mesh);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         placed[t].triangle = t;
-    struct splitter splitter = {mesh, middles, clusters, 0, 1};
+    tree->counts[0] = eighth(mesh->triangle_count);
+    tree->clusters = alloc_aligned(64, tree->counts[0] * sizeof *tree->clusters);
+    struct splitter splitter = {mesh, middles, tree->clusters, 0, 1};
     split(&splitter, placed, mesh->triangle_count);
+    CHECK(splitter.count == tree->counts[0]);
     free(middles);
     free(placed);
-    *out_count = splitter.count;
-    return clusters;
 }
 
-// ---- measuring ----
+// ---- boxes ----
 
-static inline lanes spread(float value) {
-    return (lanes){value, value, value, value};
-}
-
-static inline lanes choose(lane_mask mask, lanes yes, lanes no) {
-    return (lanes)((mask & (lane_mask)yes) | (~mask & (lane_mask)no));
-}
-
-static inline lanes smaller(lanes a, lanes b) {
-    return choose(a < b, a, b);
-}
-
-static inline lanes clamp(lanes value, lanes most) {
-    value = choose(value > 0.0f, value, spread(0));
-    return choose(value < most, value, most);
-}
-
-static inline lanes dot(const lanes a[3], const lanes b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-// From (x, y) to the side from the origin to (to_x, to_y), in the plane.
-static inline lanes square_to_side(lanes x, lanes y, lanes to_x, lanes to_y, lanes inv_square) {
-    lanes t = clamp((x * to_x + y * to_y) * inv_square, spread(1));
-    lanes off_x = x - t * to_x, off_y = y - t * to_y;
-    return off_x * off_x + off_y * off_y;
-}
-
-static inline lanes block_squares(const struct cluster_block *block, const float p[3]) {
-    lanes ap[3] = {spread(p[0]) - block->a[0], spread(p[1]) - block->a[1],
-                   spread(p[2]) - block->a[2]};
-    lanes x = dot(block->x, ap), y = dot(block->y, ap), z = dot(block->z, ap);
-    lanes from_b = x - block->b_x, bc_x = block->c_x - block->b_x;
-    lanes off_ab = x - clamp(x, block->b_x);
-    lanes square = off_ab * off_ab + y * y;
-    square = smaller(square, square_to_side(x, y, block->c_x, block->c_y, block->inv_ac));
-    square = smaller(square, square_to_side(from_b, y, bc_x, block->c_y, block->inv_bc));
-    lane_mask inside =
-        (y > 0.0f) & (bc_x * y > block->c_y * from_b) & (block->c_y * x > block->c_x * y);
-    return choose(inside, spread(0), square) + z * z;
-}
-
-void cluster_distances(const struct cluster *cluster, const float p[3],
-                       float out_squares[CLUSTER_SIZE]) {
-    for (int i = 0; i < CLUSTER_BLOCKS; i++) {
-        lanes squares = block_squares(&cluster->blocks[i], p);
-        memcpy(out_squares + i * LANES, &squares, sizeof squares);
+static void widen(struct cluster_boxes *boxes, uint32_t lane, const float low[3],
+                  const float high[3]) {
+    for (int axis = 0; axis < 3; axis++) {
+        boxes->low[axis][lane] = fminf(boxes->low[axis][lane], low[axis]);
+        boxes->high[axis][lane] = fmaxf(boxes->high[axis][lane], high[axis]);
     }
+}
+
+static struct cluster_boxes *empty_boxes(uint32_t blocks) {
+    struct cluster_boxes *boxes = alloc_aligned(64, blocks * sizeof *boxes);
+    for (uint32_t i = 0; i < blocks; i++)
+        for (int k = 0; k < 3 * CLUSTER_SIZE; k++) {
+            boxes[i].low[k / CLUSTER_SIZE][k % CLUSTER_SIZE] = INFINITY;
+            boxes[i].high[k / CLUSTER_SIZE][k % CLUSTER_SIZE] = -INFINITY;
+        }
+    return boxes;
+}
+
+static void box_clusters(struct cluster_tree *tree, const struct mesh *mesh) {
+    for (uint32_t i = 0; i < 3 * CLUSTER_SIZE * (size_t)tree->counts[0]; i++) {
+        uint32_t cluster = i / (3 * CLUSTER_SIZE), corner = i % (3 * CLUSTER_SIZE);
+        uint32_t triangle = tree->clusters[cluster].triangles[corner / 3];
+        uint32_t vertex = mesh->triangles[3 * (size_t)triangle + corner % 3];
+        const float *p = mesh->positions + 3 * (size_t)vertex;
+        widen(&tree->levels[0][cluster / CLUSTER_SIZE], cluster % CLUSTER_SIZE, p, p);
+    }
+}
+
+static void box_boxes(struct cluster_tree *tree, int level) {
+    for (uint32_t i = 0; i < tree->counts[level - 1]; i++) {
+        const struct cluster_boxes *below = &tree->levels[level - 1][i / CLUSTER_SIZE];
+        uint32_t lane = i % CLUSTER_SIZE, box = i / CLUSTER_SIZE;
+        const float low[3] = {below->low[0][lane], below->low[1][lane], below->low[2][lane]};
+        const float high[3] = {below->high[0][lane], below->high[1][lane], below->high[2][lane]};
+        widen(&tree->levels[level][box / CLUSTER_SIZE], box % CLUSTER_SIZE, low, high);
+    }
+}
+
+void cluster_tree_init(struct cluster_tree *tree, const struct mesh *mesh) {
+    *tree = (struct cluster_tree){0};
+    make_clusters(tree, mesh);
+    for (int level = 0; level == 0 || tree->counts[level - 1] > CLUSTER_SIZE; level++) {
+        CHECK(level < CLUSTER_LEVELS_MAX);
+        if (level > 0)
+            tree->counts[level] = eighth(tree->counts[level - 1]);
+        tree->levels[level] = empty_boxes(eighth(tree->counts[level]));
+        tree->level_count = level + 1;
+        if (level == 0)
+            box_clusters(tree, mesh);
+        else
+            box_boxes(tree, level);
+    }
+}
+
+void cluster_tree_fini(struct cluster_tree *tree) {
+    for (int level = 0; level < tree->level_count; level++)
+        free(tree->levels[level]);
+    free(tree->clusters);
+    *tree = (struct cluster_tree){0};
 }

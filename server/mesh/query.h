@@ -1,4 +1,4 @@
-// The closest point of a static mesh (Embree behind this header).
+// The closest point of a static mesh.
 //
 // Exact to double precision for the mesh's own (float) vertices; equal distances go to the lower
 // triangle id, so the answer depends neither on the hint nor on the order of traversal. Any number
@@ -21,7 +21,7 @@ struct closest {
 };
 
 // The query keeps a pointer to the mesh, which must outlive it unchanged and pass mesh_validate.
-// RESULT_IO where Embree cannot build. The caller destroys it.
+// RESULT_OK: it needs memory alone. The caller destroys it.
 enum result query_create(const struct mesh *mesh, struct query **out_query, struct error *err);
 void query_destroy(struct query **query); // NULL inside is fine; *query becomes NULL
 

@@ -31,29 +31,36 @@ static void take_sight(const struct surface_sight *seen, vec3 p, quat turn,
                                    .open_slope = quat_rotate(turn, slope)};
 }
 
-void integral_look(const struct warp_surface *surface, const struct stance *stance, vec3 p,
+bool integral_look(const struct warp_surface *surface, const struct stance *stance, vec3 p,
                    vec3 closest, struct warp_contact *c) {
     struct surface_sight seen;
     if (!(c->distance > TOUCH_MM))
-        return;
+        return false;
     if (!surface->integral || !surface_integral_at(surface->integral, p, closest, &seen)) {
         look_at_plane(c);
-        return;
+        return false;
     }
     take_sight(&seen, p, stance->physical.rotation, c);
     if (surface->other_share)
-        return;
+        return false;
     struct changes changes = {.slide = seen.slide, .change = seen.change};
     c->delta = delta_of(stance, 0, seen.point, seen.displacement);
     c->delta_gradient =
         delta_gradient_of(stance, 0, vec3_add(seen.point, seen.displacement), &changes);
+    return true;
 }
 
 // ---- corrections --------------------------------------------------------------------------------
 
+// A healthy knee corrects nothing.
+static bool is_identity(pose M) {
+    return M.rotation.w == 1 && M.rotation.x == 0 && M.rotation.y == 0 && M.rotation.z == 0 &&
+           M.translation.x == 0 && M.translation.y == 0 && M.translation.z == 0;
+}
+
 // m² of one body.
 static struct slanted corrected_square(const struct warp_scene *scene, int body, vec3 y) {
-    if (!scene->correction)
+    if (!scene->correction || is_identity(scene->correction[body]))
         return (struct slanted){0};
     pose M = scene->correction[body];
     vec3 off = vec3_sub(pose_apply(M, y), y);

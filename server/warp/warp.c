@@ -160,19 +160,23 @@ static void edge_gradients(const struct warp_surface *surface, const struct clos
     }
 }
 
-static void take_delta(const struct warp_surface *surface, const struct stance *stance,
-                       const struct closest *contact, struct warp_contact *out) {
+static struct changes changes_of(const struct warp_surface *surface,
+                                 const struct closest *contact) {
     struct changes changes = {0};
     if (contact->feature == FEATURE_FACE)
         face_gradients(surface, contact, &changes);
     else if (contact->feature == FEATURE_EDGE)
         edge_gradients(surface, contact, &changes);
+    return changes;
+}
+
+static void take_delta(const struct warp_surface *surface, const struct stance *stance,
+                       const struct closest *contact, const struct changes *changes,
+                       struct warp_contact *out) {
     double other = other_at(surface, contact);
     vec3 u = displacement_at(surface, contact);
-    mat3 R = quat_to_mat3(stance->physical.rotation);
     out->delta = delta_of(stance, other, contact->point, u);
-    out->delta_gradient = delta_gradient_of(stance, other, vec3_add(contact->point, u), &changes);
-    out->slide = mat3_multiply(mat3_multiply(R, changes.slide), mat3_transpose(R));
+    out->delta_gradient = delta_gradient_of(stance, other, vec3_add(contact->point, u), changes);
 }
 
 // Across the face, of any length.
@@ -220,23 +224,24 @@ static bool touch_surface(const struct warp_scene *scene, const struct field *fi
                                                    : field->radius_mm + 1.5 * field->skin_mm;
     if (!field_takes(field, surface))
         return false;
-    struct stance stance = stance_of(scene, index);
-    vec3 p = pose_apply_inverse(stance.physical, y);
+    vec3 p = pose_apply_inverse(scene->T_world_body[surface->body], y);
     struct closest closest;
     if (!query_closest(surface->query, p, reach, memory->triangle[index], &closest))
         return false;
     memory->triangle[index] = closest.triangle;
+    struct stance stance = stance_of(scene, index);
     vec3 away = closest.distance > TOUCH_MM ? vec3_sub(p, closest.point)
                                             : face_across(surface->mesh, closest.triangle);
     out->surface = index;
     out->distance = closest.distance;
     out->normal = quat_rotate(stance.physical.rotation, vec3_unit_or(away, (vec3){0, 0, 0}));
-    take_delta(surface, &stance, &closest, out);
+    struct changes changes = changes_of(surface, &closest);
+    mat3 R = quat_to_mat3(stance.physical.rotation), zero = {0};
+    out->slide = mat3_multiply(mat3_multiply(R, changes.slide), mat3_transpose(R));
+    if (field->kind != FIELD_INTEGRAL || !integral_look(surface, &stance, p, closest.point, out))
+        take_delta(surface, &stance, &closest, &changes, out);
     if (field->kind == FIELD_SMOOTH && surface->mean)
         hand_over(surface, &stance, field, p, out);
-    if (field->kind == FIELD_INTEGRAL)
-        integral_look(surface, &stance, p, closest.point, out);
-    mat3 zero = {0};
     out->delta = vec3_scale(field->strength, out->delta);
     out->delta_gradient = mat3_add_scaled(zero, field->strength, out->delta_gradient);
     return true;

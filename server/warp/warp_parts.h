@@ -42,8 +42,9 @@ double thin(double d, double s, double *out_by_d, double *out_by_s);
 
 // ---- warp/integral.c ----
 
-// What the integral tells instead of the closest point, of y = p in the body's frame.
-void integral_look(const struct warp_surface *surface, const struct stance *stance, vec3 p,
+// What the integral tells instead of the closest point, of y = p in the body's frame. False where
+// Δ stays the closest point's.
+bool integral_look(const struct warp_surface *surface, const struct stance *stance, vec3 p,
                    vec3 closest, struct warp_contact *contact);
 
 // R_k of a body's surfaces at y.

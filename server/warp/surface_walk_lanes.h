@@ -56,27 +56,28 @@ struct opening {
     wide r[3], inverse;              // from the centre to p; 1/r²
 };
 
-// With t = r²: z = (radius²/t)³ (A d²/t²)² / FAR_ERROR², y = radius²/(FAR_SIZE t), and their ramps.
-LANES_INLINE void open_lanes(const struct walk *walk, const struct surface_block *block, int at,
-                             const struct share *above, struct opening *out) {
-    const double p[3] = {walk->p.x, walk->p.y, walk->p.z};
+// z and y from which pieces begin to be blended with their parts.
+#define FAR_ERROR_SHARE 0.25
+#define FAR_SIZE_SHARE 0.75
+
+LANES_INLINE void take_whole(const struct share *above, struct opening *out) {
+    out->whole.value = wide_of(above->value);
+    out->parts.value = wide_of(0);
+    for (int i = 0; i < 3; i++) {
+        out->whole.slope[i] = wide_of(above->slope[i]);
+        out->parts.slope[i] = wide_of(0);
+    }
+}
+
+LANES_INLINE void blend_opening(const struct walk *walk, const struct share *above, wide z, wide y,
+                                struct opening *out) {
     const double off[3] = {walk->off.x, walk->off.y, walk->off.z};
-    for (int i = 0; i < 3; i++)
-        out->r[i] = p[i] - wide_load(block->centre[i] + at);
-    wide area = wide_load(block->area + at);
-    wide t = wide_dot(out->r, out->r), by_z, by_y;
-    t = wide_choose(t > SQUARE_MIN, t, wide_of(SQUARE_MIN));
-    wide inverse = 1 / t, a = wide_load(block->square + at) * inverse;
-    wide c = area * inverse * (walk->square * inverse);
-    wide_mask real = area > 0.0;
-    wide z = wide_choose(real, a * a * a * (c * c) * (1 / (FAR_ERROR * FAR_ERROR)), wide_of(0));
-    wide y = wide_choose(real, a * (1 / FAR_SIZE), wide_of(0));
-    wide far_z = wide_ramp((1 - z) * (1 / 0.75), &by_z), far_y = wide_ramp((1 - y) * 4, &by_y);
-    wide far = far_z * far_y;
-    by_z = wide_choose(by_z > 0.0, by_z * (-1 / 0.75) * z * far_y, wide_of(0));
-    by_y = wide_choose(by_y > 0.0, by_y * -4.0 * y * far_z, wide_of(0));
-    wide along_r = (-14 * by_z - 2 * by_y) * inverse, along_off = by_z * (4 / walk->square);
-    out->inverse = inverse;
+    wide by_z, by_y, far_z = wide_ramp((1 - z) * (1 / (1 - FAR_ERROR_SHARE)), &by_z);
+    wide far_y = wide_ramp((1 - y) * (1 / (1 - FAR_SIZE_SHARE)), &by_y), far = far_z * far_y;
+    by_z = wide_choose(by_z > 0.0, by_z * (-1 / (1 - FAR_ERROR_SHARE)) * z * far_y, wide_of(0));
+    by_y = wide_choose(by_y > 0.0, by_y * (-1 / (1 - FAR_SIZE_SHARE)) * y * far_z, wide_of(0));
+    wide along_r = (-14 * by_z - 2 * by_y) * out->inverse;
+    wide along_off = by_z * (4 / walk->square);
     out->whole.value = above->value * far;
     out->parts.value = above->value * (1 - far);
     for (int i = 0; i < 3; i++) {
@@ -84,6 +85,26 @@ LANES_INLINE void open_lanes(const struct walk *walk, const struct surface_block
         out->whole.slope[i] = above->slope[i] * far + slope;
         out->parts.slope[i] = above->slope[i] * (1 - far) - slope;
     }
+}
+
+// With t = r²: z = (radius²/t)³ (A d²/t²)² / FAR_ERROR², y = radius²/(FAR_SIZE t), and their ramps.
+LANES_INLINE void open_lanes(const struct walk *walk, const struct surface_block *block, int at,
+                             const struct share *above, struct opening *out) {
+    const double p[3] = {walk->p.x, walk->p.y, walk->p.z};
+    for (int i = 0; i < 3; i++)
+        out->r[i] = p[i] - wide_load(block->centre[i] + at);
+    wide area = wide_load(block->area + at), t = wide_dot(out->r, out->r);
+    t = wide_choose(t > SQUARE_MIN, t, wide_of(SQUARE_MIN));
+    wide inverse = 1 / t, a = wide_load(block->square + at) * inverse;
+    wide c = area * inverse * (walk->square * inverse);
+    wide_mask real = area > 0.0;
+    wide z = wide_choose(real, a * a * a * (c * c) * (1 / (FAR_ERROR * FAR_ERROR)), wide_of(0));
+    wide y = wide_choose(real, a * (1 / FAR_SIZE), wide_of(0));
+    out->inverse = inverse;
+    if (wide_any((z > FAR_ERROR_SHARE) | (y > FAR_SIZE_SHARE)))
+        blend_opening(walk, above, z, y, out);
+    else
+        take_whole(above, out);
 }
 
 // |r − s|⁻⁴ to second order in s. With f = r⁻⁴, g = 4 f/r², h = 6 g/r², k = 8 h/r², of which each

@@ -35,7 +35,9 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //      late what it measured, by up to 1 s, or seldom, is not lost.
 //   9  The gains and the turn of a discrepancy are of the derivative (step/discrepancy.h), not of
 //      differences.
-#define RULES_NEWEST 9
+//  10  The integral field adds up the same sums in another order: its last digits are others. Older
+//      traces are run again in this order, too, and replay to within those.
+#define RULES_NEWEST 10
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3

@@ -109,8 +109,10 @@ class OldTraces(unittest.TestCase):
             found = call_json("arthron-trace", "replay", trace, "--case", self.case)
         self.assertEqual((found["rules"], found["touches"]["compared"]), (5, 27))
         self.assertLessEqual(found["touches"]["largest_mm"], 1e-6)
+        self.assertEqual(found["verdict"], "equivalent")  # its field's sums have another order since rules 10
+        self.assertLessEqual(found["largest_mm"], 1e-12)
         if found["same_libc"] and found["same_cpu"]:
-            self.assertEqual((found["verdict"], found["different"], found["touches"]["different"]), ("identical", 0, 0))
+            self.assertEqual(found["touches"]["different"], 0)
 
 
 if __name__ == "__main__":

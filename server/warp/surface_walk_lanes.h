@@ -53,6 +53,7 @@ LANES_INLINE void store_shares(struct block_shares *to, int at, const struct wid
 
 struct opening {
     struct wide_shares whole, parts; // what is taken by its moments, and what is left to its parts
+    bool has_parts;                  // else *parts is not set
     wide r[3], inverse;              // from the centre to p; 1/r²
 };
 
@@ -62,11 +63,8 @@ struct opening {
 
 LANES_INLINE void take_whole(const struct share *above, struct opening *out) {
     out->whole.value = wide_of(above->value);
-    out->parts.value = wide_of(0);
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++)
         out->whole.slope[i] = wide_of(above->slope[i]);
-        out->parts.slope[i] = wide_of(0);
-    }
 }
 
 LANES_INLINE void blend_opening(const struct walk *walk, const struct share *above, wide z, wide y,
@@ -101,7 +99,8 @@ LANES_INLINE void open_lanes(const struct walk *walk, const struct surface_block
     wide z = wide_choose(real, a * a * a * (c * c) * (1 / (FAR_ERROR * FAR_ERROR)), wide_of(0));
     wide y = wide_choose(real, a * (1 / FAR_SIZE), wide_of(0));
     out->inverse = inverse;
-    if (wide_any((z > FAR_ERROR_SHARE) | (y > FAR_SIZE_SHARE)))
+    out->has_parts = wide_any((z > FAR_ERROR_SHARE) | (y > FAR_SIZE_SHARE));
+    if (out->has_parts)
         blend_opening(walk, above, z, y, out);
     else
         take_whole(above, out);
@@ -179,10 +178,13 @@ LANES_INLINE bool take_far(struct walk *walk, const struct surface_block *block,
     for (int at = 0; at < (int)block->count; at += WIDE) {
         struct opening open;
         open_lanes(walk, block, at, above, &open);
-        if (wide_any(open.whole.value > 0.0))
+        if (!open.has_parts || wide_any(open.whole.value > 0.0))
             add_far(&walk->sums, block, m, at, &open);
-        store_shares(out_parts, at, &open.parts);
-        has_parts |= wide_any(open.parts.value > 0.0);
+        if (open.has_parts)
+            store_shares(out_parts, at, &open.parts);
+        else
+            wide_store(out_parts->value + at, wide_of(0));
+        has_parts |= open.has_parts;
     }
     return has_parts;
 }
@@ -437,8 +439,9 @@ struct step {
 };
 
 LANES_INLINE void walk_all(struct walk *walk) {
-    struct step stack[STACK_MAX] = {{0, {1, {0, 0, 0}}}};
+    struct step stack[STACK_MAX];
     int depth = 1;
+    stack[0] = (struct step){0, {1, {0, 0, 0}}};
     while (depth > 0) {
         struct step step = stack[--depth];
         const struct surface_block *block = &walk->blocks->blocks[step.block];

@@ -53,7 +53,7 @@ static bool is_better(const struct nearest_search *s, const struct closest *c) {
     return c->triangle < s->best.triangle;
 }
 
-static void set_limit(struct nearest_search *s, double limit) {
+void nearest_limit(struct nearest_search *s, double limit) {
     double near = limit + s->margin;
     s->limit = limit;
     s->square = (float)(near * near * (1 + 8 * (double)FLT_EPSILON));
@@ -68,23 +68,23 @@ void nearest_try(struct nearest_search *s, uint32_t triangle) {
         return;
     s->best = c;
     s->found = true;
-    set_limit(s, c.distance);
+    nearest_limit(s, c.distance);
 }
 
-static void search_plain(struct nearest_search *s) {
+void nearest_search_plain(struct nearest_search *s) {
     search_tree(s);
 }
 
 #if defined(__x86_64__)
 
 static void search(struct nearest_search *s) {
-    (__builtin_cpu_supports("avx2") ? nearest_search_avx2 : search_plain)(s);
+    (__builtin_cpu_supports("avx2") ? nearest_search_avx2 : nearest_search_plain)(s);
 }
 
 #else
 
 static void search(struct nearest_search *s) {
-    search_plain(s);
+    nearest_search_plain(s);
 }
 
 #endif
@@ -108,7 +108,7 @@ bool query_closest(const struct query *query, vec3 p, double max_distance, uint3
         .p_single = {(float)p.x, (float)p.y, (float)p.z},
         .margin = 16 * (double)FLT_EPSILON * (query->reach + farthest),
     };
-    set_limit(&s, max_distance);
+    nearest_limit(&s, max_distance);
     if (hint < query->mesh->triangle_count)
         nearest_try(&s, hint);
     (far ? search_all : search)(&s);

@@ -19,8 +19,11 @@ struct nearest_search {
     struct closest best;
 };
 
+void nearest_limit(struct nearest_search *search, double limit);
 void nearest_try(struct nearest_search *search, uint32_t triangle);
 
+// What a processor may have; each finds the same.
+void nearest_search_plain(struct nearest_search *search);
 void nearest_search_avx2(struct nearest_search *search);
 
 #define LANES_INLINE static inline __attribute__((always_inline))

@@ -1,6 +1,8 @@
 #include "mesh/query.h"
 
 #include "base/check.h"
+#define WIDE 4
+#include "mesh/query_search.h"
 #include "random.h"
 #include "scene/brute.h"
 #include "scene/shapes.h"
@@ -437,6 +439,49 @@ static void threads_get_the_same_bits(void **state) {
     mesh_fini(&mesh);
 }
 
+// ---- levels of CPUs ----
+
+static struct closest search_by(void (*search)(struct nearest_search *search),
+                                const struct mesh *mesh, const struct cluster_tree *tree, vec3 p) {
+    struct nearest_search s = {.mesh = mesh,
+                               .tree = tree,
+                               .p = p,
+                               .p_single = {(float)p.x, (float)p.y, (float)p.z},
+                               .margin = 1e-3};
+    nearest_limit(&s, INFINITY);
+    search(&s);
+    assert_true(s.found);
+    return s.best;
+}
+
+static void every_cpu_level_finds_the_same(void **state) {
+    (void)state;
+    struct random r = {14};
+    for (int shape = 0; shape < 3; shape++) {
+        struct mesh mesh;
+        struct cluster_tree tree;
+        if (shape == 2)
+            shape_box(&mesh, (vec3){10, 20, 30});
+        else
+            shape_bumpy(&mesh, (vec3){40, 30, 25}, 3, shape ? 30 : 5, 7);
+        cluster_tree_init(&tree, &mesh);
+        for (int i = 0; i < 200; i++) {
+            vec3 p = random_in_box(&r, 50);
+            struct closest best = closest_of_all(&mesh, p);
+            struct closest plain = search_by(nearest_search_plain, &mesh, &tree, p);
+            assert_true(same_bits(&plain, &best));
+#ifdef __x86_64__
+            if (!__builtin_cpu_supports("avx2"))
+                continue;
+            struct closest wide = search_by(nearest_search_avx2, &mesh, &tree, p);
+            assert_true(same_bits(&wide, &best));
+#endif
+        }
+        cluster_tree_fini(&tree);
+        mesh_fini(&mesh);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(answers_agree_with_every_triangle_tried),
@@ -453,6 +498,7 @@ int main(void) {
         cmocka_unit_test(a_needle_is_found_before_what_lies_behind_it),
         cmocka_unit_test(points_out_of_this_world_are_answered_all_the_same),
         cmocka_unit_test(threads_get_the_same_bits),
+        cmocka_unit_test(every_cpu_level_finds_the_same),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

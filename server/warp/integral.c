@@ -43,6 +43,10 @@ bool integral_look(const struct warp_surface *surface, const struct stance *stan
     take_sight(&seen, p, stance->physical.rotation, c);
     if (surface->other_share)
         return false;
+    c->delta = (vec3){0};
+    c->delta_gradient = (mat3){0};
+    if (!surface->displacement && !stance->is_corrected)
+        return true;
     struct changes changes = {.slide = seen.slide, .change = seen.change};
     c->delta = delta_of(stance, 0, seen.point, seen.displacement);
     c->delta_gradient =
@@ -52,15 +56,9 @@ bool integral_look(const struct warp_surface *surface, const struct stance *stan
 
 // ---- corrections --------------------------------------------------------------------------------
 
-// A healthy knee corrects nothing.
-static bool is_identity(pose M) {
-    return M.rotation.w == 1 && M.rotation.x == 0 && M.rotation.y == 0 && M.rotation.z == 0 &&
-           M.translation.x == 0 && M.translation.y == 0 && M.translation.z == 0;
-}
-
 // m² of one body.
 static struct slanted corrected_square(const struct warp_scene *scene, int body, vec3 y) {
-    if (!scene->correction || is_identity(scene->correction[body]))
+    if (!is_corrected(scene, body))
         return (struct slanted){0};
     pose M = scene->correction[body];
     vec3 off = vec3_sub(pose_apply(M, y), y);

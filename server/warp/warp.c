@@ -66,15 +66,21 @@ static vec3 displacement_at(const struct warp_surface *surface, const struct clo
     return sum;
 }
 
+bool is_corrected(const struct warp_scene *scene, int body) {
+    const pose none = pose_identity();
+    return scene->correction && memcmp(&scene->correction[body], &none, sizeof none) != 0;
+}
+
 static pose corrected(const struct warp_scene *scene, int body, pose B) {
-    return scene->correction ? pose_compose(scene->correction[body], B) : B;
+    return is_corrected(scene, body) ? pose_compose(scene->correction[body], B) : B;
 }
 
 struct stance stance_of(const struct warp_scene *scene, int surface) {
     const struct warp_surface *s = &scene->surfaces[surface];
     pose B = scene->T_world_body[s->body], virtual = corrected(scene, s->body, B);
     return (struct stance){B, virtual,
-                           s->other_share ? corrected(scene, s->other_body, B) : virtual};
+                           s->other_share ? corrected(scene, s->other_body, B) : virtual,
+                           is_corrected(scene, s->body), s->other_share != NULL};
 }
 
 vec3 delta_of(const struct stance *stance, double other, vec3 x, vec3 u) {
@@ -87,14 +93,19 @@ vec3 delta_of(const struct stance *stance, double other, vec3 x, vec3 u) {
 // G_k = [M_R R_B (∂x + ∂u) − R_B ∂x + (M_other − M_body) B x' ∂share] R_Bᵀ
 mat3 delta_gradient_of(const struct stance *stance, double other, vec3 target,
                        const struct changes *changes) {
-    mat3 R = quat_to_mat3(stance->physical.rotation);
-    mat3 MR = quat_to_mat3(stance->virtual.rotation);
-    mat3 apart = mat3_add_scaled(quat_to_mat3(stance->other.rotation), -1, MR);
-    MR = mat3_add_scaled(MR, other, apart);
+    mat3 R = quat_to_mat3(stance->physical.rotation), MR = R;
+    if (stance->is_corrected)
+        MR = quat_to_mat3(stance->virtual.rotation);
+    if (stance->is_bridge)
+        MR = mat3_add_scaled(MR, other,
+                             mat3_add_scaled(quat_to_mat3(stance->other.rotation), -1, MR));
     mat3 moved = mat3_multiply(MR, mat3_add_scaled(changes->slide, 1, changes->change));
     moved = mat3_add_scaled(moved, -1, mat3_multiply(R, changes->slide));
-    vec3 spread = vec3_sub(pose_apply(stance->other, target), pose_apply(stance->virtual, target));
-    moved = mat3_add_scaled(moved, 1, mat3_outer(spread, changes->other));
+    if (stance->is_bridge) {
+        vec3 there = pose_apply(stance->other, target);
+        vec3 spread = vec3_sub(there, pose_apply(stance->virtual, target));
+        moved = mat3_add_scaled(moved, 1, mat3_outer(spread, changes->other));
+    }
     return mat3_multiply(moved, mat3_transpose(R));
 }
 

@@ -8,6 +8,7 @@
 // Bodies under a surface: where they are, and where their corrections put them.
 struct stance {
     pose physical, virtual, other; // other: the virtual one of what a ligament bridges to
+    bool is_corrected, is_bridge;  // else the virtual one, and the other one, are as the first
 };
 
 struct stance stance_of(const struct warp_scene *scene, int surface);
@@ -41,6 +42,9 @@ double skin_in(double s, double gap, double gap_over_skin, double *out_by_gap);
 double thin(double d, double s, double *out_by_d, double *out_by_s);
 
 // ---- warp/integral.c ----
+
+// Whether a correction moves the body: none does in a healthy knee.
+bool is_corrected(const struct warp_scene *scene, int body);
 
 // What the integral tells instead of the closest point, of y = p in the body's frame. False where
 // Δ stays the closest point's.

@@ -5,51 +5,6 @@ vec3 vec3_unit_or(vec3 a, vec3 otherwise) {
     return length > 0 ? vec3_scale(1 / length, a) : otherwise;
 }
 
-mat3 mat3_identity(void) {
-    return (mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-}
-
-mat3 mat3_multiply(mat3 a, mat3 b) {
-    mat3 c;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            c.m[i][j] = a.m[i][0] * b.m[0][j] + a.m[i][1] * b.m[1][j] + a.m[i][2] * b.m[2][j];
-    return c;
-}
-
-mat3 mat3_transpose(mat3 a) {
-    mat3 t;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            t.m[i][j] = a.m[j][i];
-    return t;
-}
-
-mat3 mat3_outer(vec3 a, vec3 b) {
-    return (mat3){{{a.x * b.x, a.x * b.y, a.x * b.z},
-                   {a.y * b.x, a.y * b.y, a.y * b.z},
-                   {a.z * b.x, a.z * b.y, a.z * b.z}}};
-}
-
-mat3 mat3_add_scaled(mat3 a, double s, mat3 b) {
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            a.m[i][j] += s * b.m[i][j];
-    return a;
-}
-
-vec3 mat3_apply(mat3 a, vec3 v) {
-    return (vec3){a.m[0][0] * v.x + a.m[0][1] * v.y + a.m[0][2] * v.z,
-                  a.m[1][0] * v.x + a.m[1][1] * v.y + a.m[1][2] * v.z,
-                  a.m[2][0] * v.x + a.m[2][1] * v.y + a.m[2][2] * v.z};
-}
-
-vec3 mat3_apply_transposed(mat3 a, vec3 v) {
-    return (vec3){a.m[0][0] * v.x + a.m[1][0] * v.y + a.m[2][0] * v.z,
-                  a.m[0][1] * v.x + a.m[1][1] * v.y + a.m[2][1] * v.z,
-                  a.m[0][2] * v.x + a.m[1][2] * v.y + a.m[2][2] * v.z};
-}
-
 double mat3_determinant(mat3 a) {
     return a.m[0][0] * (a.m[1][1] * a.m[2][2] - a.m[1][2] * a.m[2][1]) -
            a.m[0][1] * (a.m[1][0] * a.m[2][2] - a.m[1][2] * a.m[2][0]) +
@@ -75,17 +30,6 @@ double mat3_norm(mat3 a) {
 
 quat quat_identity(void) {
     return (quat){1, 0, 0, 0};
-}
-
-quat quat_multiply(quat a, quat b) {
-    return (quat){a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
-                  a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-                  a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
-                  a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
-}
-
-quat quat_conjugate(quat a) {
-    return (quat){a.w, -a.x, -a.y, -a.z};
 }
 
 static double quat_dot(quat a, quat b) {
@@ -123,21 +67,6 @@ quat quat_from_mat3(mat3 r) {
     return quat_unit(q);
 }
 
-mat3 quat_to_mat3(quat q) {
-    double xx = q.x * q.x, yy = q.y * q.y, zz = q.z * q.z;
-    double xy = q.x * q.y, xz = q.x * q.z, yz = q.y * q.z;
-    double wx = q.w * q.x, wy = q.w * q.y, wz = q.w * q.z;
-    return (mat3){{{1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)},
-                   {2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)},
-                   {2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)}}};
-}
-
-vec3 quat_rotate(quat q, vec3 v) {
-    vec3 u = {q.x, q.y, q.z};
-    vec3 t = vec3_scale(2, vec3_cross(u, v));
-    return vec3_add(vec3_add_scaled(v, q.w, t), vec3_cross(u, t));
-}
-
 double quat_angle(quat a, quat b) {
     quat d = quat_multiply(quat_conjugate(a), b);
     return 2 * atan2(sqrt(d.x * d.x + d.y * d.y + d.z * d.z), fabs(d.w));
@@ -159,22 +88,9 @@ pose pose_identity(void) {
     return (pose){{1, 0, 0, 0}, {0, 0, 0}};
 }
 
-pose pose_compose(pose T_a_b, pose T_b_c) {
-    return (pose){quat_multiply(T_a_b.rotation, T_b_c.rotation),
-                  pose_apply(T_a_b, T_b_c.translation)};
-}
-
 pose pose_inverse(pose T_a_b) {
     quat inverse = quat_conjugate(T_a_b.rotation);
     return (pose){inverse, vec3_scale(-1, quat_rotate(inverse, T_a_b.translation))};
-}
-
-vec3 pose_apply(pose T_a_b, vec3 p_b) {
-    return vec3_add(quat_rotate(T_a_b.rotation, p_b), T_a_b.translation);
-}
-
-vec3 pose_apply_inverse(pose T_a_b, vec3 p_a) {
-    return quat_rotate(quat_conjugate(T_a_b.rotation), vec3_sub(p_a, T_a_b.translation));
 }
 
 pose pose_interpolate(pose a, pose b, double t) {

@@ -22,7 +22,7 @@
 struct browsers {
     struct api_case cases[SESSIONS_CASES_MAX];
     struct error refused[SESSIONS_CASES_MAX]; // why the server could not read them
-    struct api_station stations[STATIONS_MAX];
+    struct api_station *stations;
     char link[LINK_MAX];
     const char *records;
     struct api *api;
@@ -225,6 +225,7 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
     const struct sessions_config *served = sessions_config(sessions);
     for (int i = 0; i < served->case_count; i++)
         b->cases[i] = case_of(b, sessions, i);
+    b->stations = alloc((size_t)served->station_count, sizeof *b->stations);
     for (int i = 0; i < served->station_count; i++) {
         const struct session_station *station = &served->stations[i];
         b->stations[i] = (struct api_station){station->name, station->case_name, station->trainee,
@@ -312,6 +313,7 @@ void browsers_destroy(struct browsers **browsers) {
         web_destroy(&b->web);
     live_server_destroy(&b->live);
     api_destroy(&b->api);
+    free(b->stations);
     free(b);
     *browsers = NULL;
 }

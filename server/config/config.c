@@ -1,10 +1,12 @@
 #include "config/config.h"
 
+#include "base/check.h"
 #include "base/clock.h"
 #include "base/nearest.h"
 #include "base/number.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 // ---- values that no table describes -------------------------------------------------------------
@@ -173,11 +175,20 @@ static int index_of_case(const struct sessions_config *c, const char *name) {
     return -1;
 }
 
+// The keys of a section come one after the other: so it is mostly the last one.
 static int index_of_station(const struct sessions_config *c, const char *name) {
-    for (int i = 0; i < c->station_count; i++)
+    for (int i = c->station_count - 1; i >= 0; i--)
         if (!strcmp(c->stations[i].name, name))
             return i;
     return -1;
+}
+
+static struct session_station *next_station(struct sessions_config *c) {
+    int count = c->station_count;
+    if ((count & (count - 1)) == 0) // 0, 1, 2, 4, ...
+        c->stations = alloc_resize(c->stations, count ? 2 * (size_t)count : 1, sizeof *c->stations);
+    memset(&c->stations[count], 0, sizeof *c->stations);
+    return &c->stations[count];
 }
 
 static void *find_case(void *user, const char *name, struct error *err) {
@@ -205,7 +216,7 @@ static void *find_station(void *user, const char *name, struct error *err) {
         fail(err, RESULT_LIMIT, "a server has at most %d stations", STATIONS_MAX);
         return NULL;
     }
-    struct session_station *station = &c->stations[c->station_count];
+    struct session_station *station = next_station(c);
     if (!take_name(name, station->name, err))
         return NULL;
     station->optic = view_optic_usual();
@@ -424,4 +435,9 @@ enum result config_load(const char *path, const struct setting_override *overrid
     if (result == RESULT_OK)
         result = complete_xapi(&out_config->sessions, &out_config->xapi, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);
+}
+
+void config_fini(struct server_config *config) {
+    free(config->sessions.stations);
+    config->sessions.stations = NULL;
 }

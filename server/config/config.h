@@ -12,8 +12,9 @@
 struct web_settings {
     int port; // 0: none are
     char address[STATION_NAME_MAX];
-    char certificate[SESSIONS_PATH_MAX], key[SESSIONS_PATH_MAX]; // the server's own where they are not given
-    char names[SERVER_NAMES_MAX][STATION_NAME_MAX];        // empty behind the last
+    char certificate[SESSIONS_PATH_MAX],
+        key[SESSIONS_PATH_MAX];                     // the server's own where they are not given
+    char names[SERVER_NAMES_MAX][STATION_NAME_MAX]; // empty behind the last
 };
 
 struct server_config {
@@ -26,3 +27,4 @@ struct server_config {
 // an unknown one with the nearest name, a value with its range or choices, a key that is missing.
 enum result config_load(const char *path, const struct setting_override *overrides,
                         int override_count, struct server_config *out_config, struct error *err);
+void config_fini(struct server_config *config); // also of one that was not loaded

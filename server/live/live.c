@@ -71,6 +71,10 @@ struct parcel *parcel_of(const arthron_Live *item, uint32_t viewer_number) {
     return alloc_resize(parcel, 1, sizeof *parcel + parcel->size);
 }
 
+static size_t station_count(const struct live_server *live) {
+    return (size_t)sessions_config(live->sessions)->station_count;
+}
+
 // ---- viewers ------------------------------------------------------------------------------------
 
 void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, arthron_Why_Code code,
@@ -114,6 +118,7 @@ struct viewer *live_server_join(struct live_server *live, const struct live_acco
                                   .account = *account,
                                   .role = ROLE_COUNT,
                                   .answers = viewer->answers,
+                                  .sent = viewer->sent,
                                   .station = -1};
         store_role_from_name(account->role, &viewer->role);
         return viewer;
@@ -166,7 +171,7 @@ static void take_watch(struct live_server *live, struct viewer *viewer,
     viewer->watch = *watch;
     viewer->period_ns = snapshot_period_ns(watch);
     viewer->due_ns = 0;
-    memset(viewer->sent, 0, sizeof viewer->sent);
+    memset(viewer->sent, 0, station_count(live) * sizeof *viewer->sent);
     bool good = true;
     if (watch->what == arthron_Watch_What_WALL && !is_staff(viewer)) {
         viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE, arthron_Why_Code_NOT_ALLOWED, NULL,
@@ -342,8 +347,11 @@ struct live_server *live_server_create(struct sessions *sessions,
     live->config = *config;
     blindness_init(&live->blindness, live->config.each_blind, live->config.user);
     pthread_rwlock_init(&live->news_lock, NULL);
-    for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
+    live->cache = alloc(station_count(live), sizeof *live->cache);
+    for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
         live->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));
+        live->viewers[i].sent = alloc(station_count(live), sizeof *live->viewers[i].sent);
+    }
     turns_init(&live->turns);
     live->commands = task_pool_create(&commands);
     live->playbacks = task_pool_create(&playbacks);
@@ -367,9 +375,11 @@ void live_server_destroy(struct live_server **owned) {
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
         drop_answers(&live->viewers[i]);
         ring_destroy(&live->viewers[i].answers);
+        free(live->viewers[i].sent);
     }
-    for (int i = 0; i < STATIONS_MAX; i++)
+    for (size_t i = 0; i < station_count(live); i++)
         free(live->cache[i].metrics);
+    free(live->cache);
     pthread_rwlock_destroy(&live->news_lock);
     free(live);
 }

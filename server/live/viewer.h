@@ -102,7 +102,7 @@ struct viewer {
         uint32_t place;
         uint64_t attempt_of; // session
         uint32_t attempt;    // of its news, the last that the page has
-    } sent[STATIONS_MAX];
+    } * sent;                // of each station
 
     // One station:
     int station; // -1: none
@@ -130,7 +130,7 @@ struct live_server {
     struct live_config config;
     struct viewer viewers[LIVE_VIEWERS_MAX];
     uint32_t numbers;
-    struct station_cache cache[STATIONS_MAX];
+    struct station_cache *cache; // of each station
     struct blindness blindness;
     arthron_Live item; // too large for a stack, as is the chunk
     arthron_MeshChunk chunk;

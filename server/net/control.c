@@ -38,11 +38,12 @@ bool control_take_slot(struct peer *peer) {
     struct outbox *outbox = outbox_create();
     int index = 0;
     pthread_mutex_lock(&control->lock);
-    while (index < CONTROL_PEERS_MAX && control->slots[index].peer)
+    while (index < control->slot_count && control->slots[index].peer)
         index++;
-    if (index < CONTROL_PEERS_MAX) {
+    if (index < control->slot_count) {
         struct peer_slot *slot = &control->slots[index];
         *slot = (struct peer_slot){.generation = slot->generation + 1,
+                                   .wakes = slot->wakes,
                                    .peer = peer,
                                    .outbox = outbox,
                                    .meshes = peer->meshes,
@@ -50,9 +51,9 @@ bool control_take_slot(struct peer *peer) {
         peer->handle = (struct control_peer){index, slot->generation};
     }
     pthread_mutex_unlock(&control->lock);
-    if (index == CONTROL_PEERS_MAX)
+    if (index == control->slot_count)
         outbox_destroy(&outbox);
-    return index < CONTROL_PEERS_MAX;
+    return index < control->slot_count;
 }
 
 void control_free_slot(struct peer *peer) {
@@ -65,7 +66,7 @@ void control_free_slot(struct peer *peer) {
 }
 
 struct peer_slot *control_find_slot(struct control *control, struct control_peer handle) {
-    CHECK(handle.index >= 0 && handle.index < CONTROL_PEERS_MAX);
+    CHECK(handle.index >= 0 && handle.index < control->slot_count);
     struct peer_slot *slot = &control->slots[handle.index];
     return slot->peer && slot->generation == handle.generation ? slot : NULL;
 }
@@ -78,10 +79,18 @@ int64_t control_certificate_end(struct control *control, struct control_peer han
     return until_s;
 }
 
+bool control_wake_slot(struct control *control, struct peer_slot *slot) {
+    if (slot->wakes)
+        return false;
+    slot->wakes = true;
+    control->woken[control->woken_count++] = (int)(slot - control->slots);
+    return control->woken_count == 1;
+}
+
 bool control_send(struct control *control, struct control_peer handle,
                   const arthron_Control *message) {
     enum outbox_put put = OUTBOX_DROPPED;
-    bool wakes = true;
+    bool wakes = false;
     struct outgoing out;
     outgoing_encode(message, &out);
     pthread_mutex_lock(&control->lock);
@@ -89,15 +98,24 @@ bool control_send(struct control *control, struct control_peer handle,
     if (slot) {
         put = outbox_put(slot->outbox, message, &out);
         slot->overflown |= put == OUTBOX_OVERFLOWN;
-        wakes = slot->wakes;
-        slot->wakes = true;
+        wakes = control_wake_slot(control, slot);
     }
     pthread_mutex_unlock(&control->lock);
     if (slot && put == OUTBOX_DROPPED && message->which_message == arthron_Control_reply_tag)
         atomic_fetch_add(&control->replies_dropped, 1);
-    if (!wakes)
+    if (wakes)
         ws_server_wake(control->server);
     return put == OUTBOX_QUEUED;
+}
+
+void control_send_from_here(struct peer *peer, const arthron_Control *message) {
+    struct control *control = peer->control;
+    struct outgoing out;
+    outgoing_encode(message, &out);
+    pthread_mutex_lock(&control->lock);
+    outbox_put(control->slots[peer->handle.index].outbox, message, &out);
+    pthread_mutex_unlock(&control->lock);
+    lws_callback_on_writable(peer->wsi);
 }
 
 // ---- the control thread -------------------------------------------------------------------------
@@ -126,13 +144,27 @@ static void take_certificate(struct control *control) {
     tls_credentials_destroy(&credentials);
 }
 
+static void take_woken(struct control *control, bool all) {
+    pthread_mutex_lock(&control->lock);
+    for (int i = 0; all && i < control->slot_count; i++)
+        control_wake_slot(control, &control->slots[i]);
+    int *empty = control->serving;
+    control->serving = control->woken;
+    control->serving_count = control->woken_count;
+    control->woken = empty;
+    control->woken_count = 0;
+    for (int i = 0; i < control->serving_count; i++)
+        control->slots[control->serving[i]].wakes = false;
+    pthread_mutex_unlock(&control->lock);
+}
+
 static void serve_slots(struct control *control, bool all) {
-    for (int i = 0; i < CONTROL_PEERS_MAX; i++) {
+    take_woken(control, all);
+    for (int i = 0; i < control->serving_count; i++) {
         pthread_mutex_lock(&control->lock);
-        struct peer_slot slot = control->slots[i];
-        control->slots[i].wakes = false;
+        struct peer_slot slot = control->slots[control->serving[i]];
         pthread_mutex_unlock(&control->lock);
-        if (slot.peer && (slot.wakes || all))
+        if (slot.peer)
             serve(control, &slot);
     }
 }
@@ -264,8 +296,12 @@ static bool next_message(struct peer *peer, struct outgoing *out) {
         peer->urgent.size = 0;
         return true;
     }
-    return peer->agreed && !peer->closing &&
-           outbox_take(peer->control->slots[peer->handle.index].outbox, &peer->control->lock, out);
+    if (!peer->agreed || peer->closing)
+        return false;
+    pthread_mutex_lock(&peer->control->lock);
+    bool any = outbox_take(peer->control->slots[peer->handle.index].outbox, out);
+    pthread_mutex_unlock(&peer->control->lock);
+    return any;
 }
 
 static int write_message(struct peer *peer, uint8_t *bytes, size_t size) {
@@ -386,7 +422,7 @@ static struct server_files paths_in(const char *dir) {
 
 static enum result listen_at(struct control *control, const struct control_config *config,
                              const struct server_files *paths, struct error *err) {
-    int spare, places = ws_server_places(DOOR_PLACES_MAX, SPARE_FDS, &spare);
+    int spare, places = ws_server_places(door_places(config->stations), SPARE_FDS, &spare);
     const struct lws_context_creation_info info = {
         .iface = config->address,
         .port = config->port,
@@ -400,7 +436,7 @@ static enum result listen_at(struct control *control, const struct control_confi
     };
     const struct ws_server_handler handler = {
         .user = control, .on_wake = on_wake, .on_stop = on_stop, .is_empty = is_empty};
-    control->door = door_create(places, shut);
+    control->door = door_create(config->stations, places, shut);
     return ws_server_create(WS_SERVER_TLS, &info, &handler, &control->server, err);
 }
 
@@ -414,6 +450,9 @@ static enum result open_files(const struct server_files *paths, struct tls_files
 static void release(struct control *control) {
     pthread_mutex_destroy(&control->lock);
     door_destroy(&control->door);
+    free(control->slots);
+    free(control->woken);
+    free(control->serving);
     free(control->software);
     free(control);
 }
@@ -425,6 +464,10 @@ enum result control_create(const struct control_config *config,
     control->handler = *handler;
     control->software = alloc_text(config->software);
     control->hello_timeout_ns = config->hello_timeout_ns;
+    control->slot_count = control_peers(config->stations);
+    control->slots = alloc((size_t)control->slot_count, sizeof *control->slots);
+    control->woken = alloc((size_t)control->slot_count, sizeof *control->woken);
+    control->serving = alloc((size_t)control->slot_count, sizeof *control->serving);
     pthread_mutex_init(&control->lock, NULL);
     *out_control = NULL;
     const struct server_files paths = paths_in(config->authority_dir);

@@ -6,11 +6,10 @@
 #include "net/mesh_payload.h"
 #include "wire/wire.h"
 
-#define CONTROL_PEERS_MAX 128 // 64 stations, each with a visit
-
 struct control;
 
-// One connected station, from on_hello to on_gone. Small and copyable: index < CONTROL_PEERS_MAX.
+// One connected station, from on_hello to on_gone. Small and copyable: index <
+// control_peers(stations).
 struct control_peer {
     int index;
     uint32_t generation; // tells this station from others that used the index before
@@ -45,10 +44,16 @@ struct control_handler {
 struct control_config {
     const char *address; // to listen on; NULL for all
     int port;            // 0: any free one, control_port tells which
+    int stations;        // that may be connected, each with a visit
     const char *authority_dir;
     const char *software;
     int64_t hello_timeout_ns; // how long a peer may stay silent before Hello; 5 s
 };
+
+// The handles of so many stations: each may have a visit beside its connection.
+static inline int control_peers(int stations) {
+    return 2 * stations;
+}
 
 // Listens and starts the thread; *out_control is set before the handler is called. RESULT_MISSING
 // names a missing file of the authority, RESULT_IO address and port.

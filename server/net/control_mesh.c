@@ -20,19 +20,18 @@ static struct delivery *place_for(struct peer_slot *slot, const char *group) {
 bool control_send_mesh(struct control *control, struct control_peer handle,
                        struct mesh_payload *payload) {
     struct mesh_payload *older = NULL;
-    bool wakes = true;
+    bool wakes = false;
     pthread_mutex_lock(&control->lock);
     struct peer_slot *slot = control_find_slot(control, handle);
     struct delivery *place = slot && slot->meshes ? place_for(slot, payload->group) : NULL;
     if (place) {
         older = place->payload;
         *place = (struct delivery){.payload = mesh_payload_hold(payload)};
-        wakes = slot->wakes;
-        slot->wakes = true;
+        wakes = control_wake_slot(control, slot);
     }
     pthread_mutex_unlock(&control->lock);
     mesh_payload_release(&older);
-    if (!wakes)
+    if (wakes)
         ws_server_wake(control->server);
     return place != NULL;
 }

@@ -67,7 +67,7 @@ struct peer_slot {
     int64_t until_s; // end of its certificate
     struct delivery deliveries[WIRE_MESH_GROUPS_MAX];
     int turn;       // of deliveries
-    bool wakes;     // the control thread has something to do for it:
+    bool wakes;     // the control thread has something to do for it: it is in `woken`
     bool overflown; // a message that it must not miss had no room
 };
 
@@ -85,7 +85,10 @@ struct control {
     arthron_MeshChunk chunk; // the one being written
     struct outgoing_chunk chunk_bytes;
     pthread_mutex_t lock; // held for a copy of one message at most
-    struct peer_slot slots[CONTROL_PEERS_MAX];
+    int slot_count;
+    struct peer_slot *slots;
+    int *woken, woken_count;     // slots, under the lock
+    int *serving, serving_count; // the same of one turn
     atomic_uint_fast64_t unknown_messages, malformed_messages, refused_certificates,
         replies_dropped, shut;
 };
@@ -102,6 +105,12 @@ void control_free_slot(struct peer *peer);
 
 // Sends `message` before all queued ones; with `last` the connection closes after it.
 void control_send_urgent(struct peer *peer, const arthron_Control *message, bool last);
+
+// A Ping or Pong to an agreed peer, by the control thread, which need not be woken.
+void control_send_from_here(struct peer *peer, const arthron_Control *message);
+
+// There is something to do for the slot. True: the control thread has to be woken. Under the lock.
+bool control_wake_slot(struct control *control, struct peer_slot *slot);
 
 // The slot of a handle; NULL: the peer is gone. Under the lock.
 struct peer_slot *control_find_slot(struct control *control, struct control_peer handle);

@@ -1,5 +1,6 @@
 #include "net/datagram.h"
 
+#include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/listen.h"
@@ -63,7 +64,8 @@ struct datagram_batch {
 
 struct datagram_endpoint {
     int fd, port;
-    struct datagram_connection connections[DATAGRAM_CONNECTIONS_MAX];
+    struct datagram_connection *connections; // by the lowest bits of their ids
+    uint32_t mask;                           // of these bits
     struct question questions[DATAGRAM_BATCH];
     int question_count;
     struct datagram_batch in, out;
@@ -129,8 +131,8 @@ static void prepare(struct datagram_batch *batch) {
     }
 }
 
-enum result datagram_create(const char *address, int port, struct datagram_endpoint **out_endpoint,
-                            struct error *err) {
+enum result datagram_create(const char *address, int port, int connections,
+                            struct datagram_endpoint **out_endpoint, struct error *err) {
     int fd = bind_family(address, port, address ? AF_UNSPEC : AF_INET6);
     if (fd < 0 && !address)
         fd = bind_family(address, port, AF_INET);
@@ -139,6 +141,9 @@ enum result datagram_create(const char *address, int port, struct datagram_endpo
     struct datagram_endpoint *endpoint = alloc(1, sizeof *endpoint);
     endpoint->fd = fd;
     endpoint->port = bound_port(fd);
+    while ((uint32_t)connections > endpoint->mask + 1)
+        endpoint->mask = 2 * endpoint->mask + 1;
+    endpoint->connections = alloc(endpoint->mask + 1ul, sizeof *endpoint->connections);
     prepare(&endpoint->in);
     prepare(&endpoint->out);
     *out_endpoint = endpoint;
@@ -160,19 +165,8 @@ struct datagram_counts datagram_counts(const struct datagram_endpoint *endpoint)
 // ---- connections and epochs ---------------------------------------------------------------------
 
 static struct datagram_connection *find(const struct datagram_endpoint *endpoint, uint32_t id) {
-    for (int i = 0; i < DATAGRAM_CONNECTIONS_MAX; i++) {
-        const struct datagram_connection *c = &endpoint->connections[i];
-        if (c->epoch.to_server && c->id == id)
-            return (struct datagram_connection *)c;
-    }
-    return NULL;
-}
-
-static struct datagram_connection *find_free(struct datagram_endpoint *endpoint) {
-    for (int i = 0; i < DATAGRAM_CONNECTIONS_MAX; i++)
-        if (!endpoint->connections[i].epoch.to_server)
-            return &endpoint->connections[i];
-    return NULL;
+    struct datagram_connection *c = &endpoint->connections[id & endpoint->mask];
+    return c->epoch.to_server && c->id == id ? c : NULL;
 }
 
 static void epoch_end(struct epoch *epoch) {
@@ -202,6 +196,16 @@ static void epoch_start(struct datagram_connection *c, uint8_t number, int64_t n
     };
 }
 
+uint32_t datagram_new_id(const struct datagram_endpoint *endpoint, int place) {
+    uint32_t id = 0;
+    CHECK(place >= 0 && (uint32_t)place <= endpoint->mask);
+    while (!id) {
+        chance_fill(&id, sizeof id);
+        id = (id & ~endpoint->mask) | (uint32_t)place;
+    }
+    return id;
+}
+
 void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection, void *user,
                         int64_t now_ns, arthron_UdpKeys *out_keys) {
     uint8_t number = 0;
@@ -212,8 +216,8 @@ void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection,
         c->old_epoch = c->epoch;
         c->old_until_ns = now_ns + OLD_EPOCH_NS;
     } else {
-        c = find_free(endpoint);
-        CHECK(c);
+        c = &endpoint->connections[connection & endpoint->mask];
+        CHECK(!c->epoch.to_server);
         *c = (struct datagram_connection){.id = connection,
                                           .unconfirmed_left = DATAGRAM_UNCONFIRMED_REPLIES};
     }
@@ -241,10 +245,11 @@ void datagram_forget(struct datagram_endpoint *endpoint, uint32_t connection) {
 void datagram_destroy(struct datagram_endpoint **endpoint) {
     if (!*endpoint)
         return;
-    for (int i = 0; i < DATAGRAM_CONNECTIONS_MAX; i++) {
+    for (uint32_t i = 0; i <= (*endpoint)->mask; i++) {
         epoch_end(&(*endpoint)->connections[i].epoch);
         epoch_end(&(*endpoint)->connections[i].old_epoch);
     }
+    free((*endpoint)->connections);
     close((*endpoint)->fd);
     free(*endpoint);
     *endpoint = NULL;

@@ -12,21 +12,22 @@
 #include "wire/wire.h"
 
 #define DATAGRAM_BATCH 32
-#define DATAGRAM_CONNECTIONS_MAX 64
 #define DATAGRAM_UNCONFIRMED_REPLIES 1024
 
 struct datagram_endpoint;
 
-// Binds address:port (address NULL for all). RESULT_IO names both.
-enum result datagram_create(const char *address, int port, struct datagram_endpoint **out_endpoint,
-                            struct error *err);
+// Binds address:port (address NULL for all). RESULT_IO names both. connections: places for them.
+enum result datagram_create(const char *address, int port, int connections,
+                            struct datagram_endpoint **out_endpoint, struct error *err);
 void datagram_destroy(struct datagram_endpoint **endpoint);
 int datagram_fd(const struct datagram_endpoint *endpoint);   // to poll for reading
 int datagram_port(const struct datagram_endpoint *endpoint); // the bound one
 
+// A new random id for the connection at this place: one at a time has it.
+uint32_t datagram_new_id(const struct datagram_endpoint *endpoint, int place);
+
 // Makes a connection, or its next epoch, with random keys for the station in *out_keys. The epoch
-// before stays valid for 5 s. Replies use the station's last epoch. Each frame carries `user`. At
-// most DATAGRAM_CONNECTIONS_MAX connections at a time.
+// before stays valid for 5 s. Replies use the station's last epoch. Each frame carries `user`.
 void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection, void *user,
                         int64_t now_ns, arthron_UdpKeys *out_keys);
 

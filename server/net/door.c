@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SOURCES_MAX 1024 // more than places, to remember sources without a connection
-#define CERTIFICATES_MAX 256
+#define SOURCES_BESIDE 672  // more than places, to remember sources without a connection
+#define CERTIFICATES_EACH 4 // of a station
 #define ENROLMENTS_PER_S 1
 #define CERTIFICATE_PER_S 2
 
@@ -42,29 +42,39 @@ struct door {
     struct bucket unknown;
     uint64_t shut_count;
     struct source shut_source;
-    struct visitor visitors[SOURCES_MAX];
-    struct certificate certificates[CERTIFICATES_MAX];
-    struct place places[DOOR_PLACES_MAX];
+    int visitor_count, certificate_count;
+    struct visitor *visitors;
+    struct certificate *certificates;
+    struct place *places;
 };
 
-_Static_assert(SOURCES_MAX > DOOR_PLACES_MAX, "there is always one without a connection");
-
-static int share(int of_all, int places) {
-    return (of_all * places + DOOR_PLACES_MAX - 1) / DOOR_PLACES_MAX;
+static int share(int of_all, int places, int all) {
+    return (int)(((int64_t)of_all * places + all - 1) / all);
 }
 
-struct door *door_create(int places, void (*shut)(void *connection)) {
-    CHECK(places > 0 && places <= DOOR_PLACES_MAX);
+struct door *door_create(int stations, int places, void (*shut)(void *connection)) {
+    int all = door_places(stations);
+    CHECK(places > 0 && places <= all);
     struct door *door = alloc(1, sizeof *door);
     door->shut = shut;
     door->places_max = places;
-    door->strangers_max = share(DOOR_STRANGERS_MAX, places);
-    door->per_source = share(DOOR_STRANGERS_PER_SOURCE, places);
-    door->stations_max = share(DOOR_STATIONS_MAX, places);
+    door->strangers_max = share(DOOR_STRANGERS_MAX, places, all);
+    door->per_source = share(DOOR_STRANGERS_PER_SOURCE, places, all);
+    door->stations_max = share(door_stations(stations), places, all);
+    door->visitor_count = places + SOURCES_BESIDE;
+    door->certificate_count = CERTIFICATES_EACH * (stations + 1);
+    door->visitors = alloc((size_t)door->visitor_count, sizeof *door->visitors);
+    door->certificates = alloc((size_t)door->certificate_count, sizeof *door->certificates);
+    door->places = alloc((size_t)places, sizeof *door->places);
     return door;
 }
 
 void door_destroy(struct door **door) {
+    if (*door) {
+        free((*door)->visitors);
+        free((*door)->certificates);
+        free((*door)->places);
+    }
     free(*door);
     *door = NULL;
 }
@@ -107,7 +117,7 @@ static void shut(struct door *door, struct place *place) {
 // The one that was gone longest; one that was never used before any other.
 static struct visitor *place_for_visitor(struct door *door) {
     struct visitor *best = NULL;
-    for (int i = 0; i < SOURCES_MAX; i++) {
+    for (int i = 0; i < door->visitor_count; i++) {
         struct visitor *v = &door->visitors[i];
         if (!v->connections && (!best || v->seen_ns < best->seen_ns))
             best = v;
@@ -116,7 +126,7 @@ static struct visitor *place_for_visitor(struct door *door) {
 }
 
 static struct visitor *find_visitor(struct door *door, const struct source *source) {
-    for (int i = 0; i < SOURCES_MAX; i++)
+    for (int i = 0; i < door->visitor_count; i++)
         if (door->visitors[i].known && source_is(&door->visitors[i].source, source))
             return &door->visitors[i];
     struct visitor *visitor = place_for_visitor(door);
@@ -133,7 +143,7 @@ static bool comes_too_often(struct door *door, struct visitor *visitor, int64_t 
 
 static struct visitor *most_strangers(struct door *door) {
     struct visitor *most = NULL;
-    for (int i = 0; i < SOURCES_MAX; i++) {
+    for (int i = 0; i < door->visitor_count; i++) {
         struct visitor *v = &door->visitors[i];
         if (v->strangers && (!most || v->strangers > most->strangers))
             most = v;
@@ -143,7 +153,7 @@ static struct visitor *most_strangers(struct door *door) {
 
 static void shut_oldest_stranger_of(struct door *door, const struct visitor *visitor) {
     struct place *oldest = NULL;
-    for (int i = 0; i < DOOR_PLACES_MAX; i++) {
+    for (int i = 0; i < door->places_max; i++) {
         struct place *place = &door->places[i];
         if (is_stranger(place) && place->visitor == visitor &&
             (!oldest || place->since_ns < oldest->since_ns))
@@ -200,7 +210,7 @@ bool door_may_enrol(struct door *door, const void *connection, int64_t now_ns) {
 
 static struct certificate *find_certificate(struct door *door, const char *serial) {
     struct certificate *oldest = &door->certificates[0];
-    for (int i = 0; i < CERTIFICATES_MAX; i++) {
+    for (int i = 0; i < door->certificate_count; i++) {
         struct certificate *c = &door->certificates[i];
         if (!strcmp(c->serial, serial))
             return c;
@@ -216,7 +226,7 @@ static struct certificate *find_certificate(struct door *door, const char *seria
 static void make_room_for(struct door *door, const char *serial) {
     struct place *oldest = NULL;
     int count = 0;
-    for (int i = 0; i < DOOR_PLACES_MAX; i++) {
+    for (int i = 0; i < door->places_max; i++) {
         struct place *place = &door->places[i];
         if (!place->connection || !place->proved || place->leaves ||
             strcmp(place->serial, serial) != 0)

@@ -8,10 +8,10 @@
 
 #include <stdint.h>
 
-#define DOOR_PLACES_MAX 352          // connections in all, with those that are being closed
+#define DOOR_LEAVING 64              // places of connections that are being closed
 #define DOOR_STRANGERS_MAX 128       // of them at a time
 #define DOOR_STRANGERS_PER_SOURCE 96 // of them
-#define DOOR_STATIONS_MAX 160        // connections with a certificate
+#define DOOR_STATIONS_BESIDE 32      // with a certificate, beside two of each station
 #define DOOR_CONNECTIONS_PER_S 100   // of one source, more than
 #define DOOR_CONNECTIONS_BURST 300   // so many at once
 #define DOOR_UNKNOWN_PER_S 400       // of all sources together that never proved a certificate
@@ -23,9 +23,18 @@
 
 struct door;
 
-// places: at most DOOR_PLACES_MAX; of fewer, strangers and stations have the same shares.
+// Of a server with so many stations: connections with a certificate, and in all.
+static inline int door_stations(int stations) {
+    return 2 * stations + DOOR_STATIONS_BESIDE;
+}
+
+static inline int door_places(int stations) {
+    return door_stations(stations) + DOOR_STRANGERS_MAX + DOOR_LEAVING;
+}
+
+// places: at most door_places(stations); of fewer, strangers and stations have the same shares.
 // shut: ends a connection that must make room. Its door_close follows, not from within the call.
-struct door *door_create(int places, void (*shut)(void *connection));
+struct door *door_create(int stations, int places, void (*shut)(void *connection));
 void door_destroy(struct door **door);
 
 // Whether a new connection of this source may come in; others may be shut for it. Each that comes

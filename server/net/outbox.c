@@ -7,9 +7,14 @@
 
 #define LENGTH 64
 #define RESERVE 16 // of it, for what must not be missed
+#define ROOM_FIRST 1024
 
+// Each message is its size and its bytes. They lie one behind the other, and at the begin again as
+// soon as none waits.
 struct outbox {
-    struct ring *queue; // of struct outgoing
+    int count;
+    uint8_t *bytes;
+    size_t first, end, room;
     int figures_count;
     arthron_Resection figures[WIRE_MESH_GROUPS_MAX]; // of different groups, the oldest first
 };
@@ -24,15 +29,54 @@ void outgoing_encode(const arthron_Control *message, struct outgoing *out) {
 
 struct outbox *outbox_create(void) {
     struct outbox *outbox = alloc(1, sizeof *outbox);
-    outbox->queue = ring_create(LENGTH, sizeof(struct outgoing));
+    outbox->room = ROOM_FIRST;
+    outbox->bytes = alloc(outbox->room, 1);
     return outbox;
 }
 
 void outbox_destroy(struct outbox **outbox) {
     if (*outbox)
-        ring_destroy(&(*outbox)->queue);
+        free((*outbox)->bytes);
     free(*outbox);
     *outbox = NULL;
+}
+
+// ---- the queue ----------------------------------------------------------------------------------
+
+// No more than twice what LENGTH messages take.
+static void make_room(struct outbox *outbox, size_t size) {
+    size_t used = outbox->end - outbox->first;
+    if (size <= outbox->room - outbox->end)
+        return;
+    memmove(outbox->bytes, outbox->bytes + outbox->first, used);
+    outbox->first = 0;
+    outbox->end = used;
+    while (size > outbox->room - outbox->end)
+        outbox->room *= 2;
+    outbox->bytes = alloc_resize(outbox->bytes, outbox->room, 1);
+}
+
+static bool push(struct outbox *outbox, const struct outgoing *out) {
+    if (outbox->count == LENGTH)
+        return false;
+    make_room(outbox, sizeof out->size + out->size);
+    memcpy(outbox->bytes + outbox->end, &out->size, sizeof out->size);
+    memcpy(outbox->bytes + outbox->end + sizeof out->size, out->bytes, out->size);
+    outbox->end += sizeof out->size + out->size;
+    outbox->count++;
+    return true;
+}
+
+static bool pop(struct outbox *outbox, struct outgoing *out) {
+    if (!outbox->count)
+        return false;
+    memcpy(&out->size, outbox->bytes + outbox->first, sizeof out->size);
+    memcpy(out->bytes, outbox->bytes + outbox->first + sizeof out->size, out->size);
+    out->last = false;
+    outbox->first += sizeof out->size + out->size;
+    if (!--outbox->count)
+        outbox->first = outbox->end = 0;
+    return true;
 }
 
 // ---- figures ------------------------------------------------------------------------------------
@@ -64,7 +108,7 @@ static bool queue_figures(struct outbox *outbox) {
     struct outgoing out;
     while (outbox->figures_count) {
         take_figures(outbox, &out);
-        if (!ring_push(outbox->queue, &out))
+        if (!push(outbox, &out))
             return false;
     }
     return true;
@@ -82,24 +126,22 @@ static bool may_be_missed(const arthron_Control *message) {
 enum outbox_put outbox_put(struct outbox *outbox, const arthron_Control *message,
                            const struct outgoing *encoded) {
     if (may_be_missed(message)) {
-        bool room = ring_count(outbox->queue) < LENGTH - RESERVE;
-        return room && ring_push(outbox->queue, encoded) ? OUTBOX_QUEUED : OUTBOX_DROPPED;
+        bool room = outbox->count < LENGTH - RESERVE;
+        return room && push(outbox, encoded) ? OUTBOX_QUEUED : OUTBOX_DROPPED;
     }
     if (message->which_message == arthron_Control_resection_tag &&
         keep_figures(outbox, &message->message.resection))
         return OUTBOX_QUEUED;
     if (message->which_message == arthron_Control_session_change_tag && !queue_figures(outbox))
         return OUTBOX_OVERFLOWN;
-    return ring_push(outbox->queue, encoded) ? OUTBOX_QUEUED : OUTBOX_OVERFLOWN;
+    return push(outbox, encoded) ? OUTBOX_QUEUED : OUTBOX_OVERFLOWN;
 }
 
-bool outbox_take(struct outbox *outbox, pthread_mutex_t *lock, struct outgoing *out) {
-    if (ring_pop(outbox->queue, out))
+bool outbox_take(struct outbox *outbox, struct outgoing *out) {
+    if (pop(outbox, out))
         return true;
-    pthread_mutex_lock(lock);
     bool any = outbox->figures_count > 0;
     if (any)
         take_figures(outbox, out);
-    pthread_mutex_unlock(lock);
     return any;
 }

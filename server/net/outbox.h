@@ -1,12 +1,10 @@
-// The messages that wait for one peer: a bounded queue, and beside it the newest Resection of each
-// group. One thread takes messages. Others put them, always under one lock of the owner.
+// The messages that wait for one peer: a bounded queue that grows from small, and beside it the
+// newest Resection of each group. All calls are under one lock of the owner.
 #pragma once
 
-#include "base/ring.h"
 #include "wire/wire.h"
 
 #include <libwebsockets.h>
-#include <pthread.h>
 
 struct outgoing {
     bool last; // the connection closes behind it
@@ -34,5 +32,5 @@ enum outbox_put {
 enum outbox_put outbox_put(struct outbox *outbox, const arthron_Control *message,
                            const struct outgoing *encoded);
 
-// The next message; false: none waits. lock: the lock of the puts, which the caller does not hold.
-bool outbox_take(struct outbox *outbox, pthread_mutex_t *lock, struct outgoing *out);
+// The next message; false: none waits.
+bool outbox_take(struct outbox *outbox, struct outgoing *out);

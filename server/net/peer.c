@@ -68,7 +68,7 @@ static void refuse_identity(struct peer *peer, const char *why) {
 }
 
 void peer_refuse_revoked(struct control *control) {
-    for (int i = 0; i < CONTROL_PEERS_MAX; i++) {
+    for (int i = 0; i < control->slot_count; i++) {
         struct peer *peer = control->slots[i].peer; // of this thread
         if (peer && is_revoked(peer))
             refuse_identity(peer, "this certificate is revoked");
@@ -136,7 +136,7 @@ static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_
     peer->markers = has_capability(hello, "markers");
     if (!control_take_slot(peer)) {
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "%d stations are connected already",
-                    CONTROL_PEERS_MAX);
+                    peer->control->slot_count);
         return false;
     }
     return true;
@@ -145,7 +145,7 @@ static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_
 // A station has one connection, and another to ask whether it would be welcome.
 static void replace_older(struct peer *newer) {
     struct control *control = newer->control;
-    for (int i = 0; i < CONTROL_PEERS_MAX; i++) {
+    for (int i = 0; i < control->slot_count; i++) {
         struct peer *peer = control->slots[i].peer; // of this thread
         if (peer && peer != newer && peer->visit == newer->visit &&
             !strcmp(peer->identity.name, newer->identity.name))
@@ -217,14 +217,14 @@ void peer_answered(struct peer *peer, const arthron_Control *answer) {
 static void send_ping(struct peer *peer) {
     arthron_Control message = {.which_message = arthron_Control_ping_tag};
     message.message.ping.sent_ns = clock_now_ns();
-    control_send(peer->control, peer->handle, &message);
+    control_send_from_here(peer, &message);
     peer->pings++;
 }
 
 static void handle_ping(struct peer *peer, const arthron_Ping *ping, int64_t received_ns) {
     arthron_Control answer = {.which_message = arthron_Control_pong_tag};
     answer.message.pong = (arthron_Pong){ping->sent_ns, received_ns, clock_now_ns()};
-    control_send(peer->control, peer->handle, &answer);
+    control_send_from_here(peer, &answer);
 }
 
 static bool is_remote_time(int64_t time_ns) {

@@ -15,7 +15,9 @@
 #include <unistd.h>
 
 #define ROUND_MS 200
-#define TASKS_MAX 1024
+#define TASKS_LEAST 1024
+#define TASKS_EACH 16
+#define MESH_REQUESTS_MAX 1024
 #define NICE 10
 
 enum task_kind { TASK_OPEN, TASK_RUN, TASK_RELEASE, TASK_CLOSE };
@@ -27,7 +29,7 @@ struct cut_task {
     struct session_runtime *session; // TASK_OPEN, TASK_CLOSE
     uint64_t serial;                 // TASK_RUN: of the session
     enum session_end end;            // TASK_CLOSE
-    struct job job;                  // TASK_RUN
+    const struct job *job;           // TASK_RUN: the station's
     struct job_result *result;       // TASK_RELEASE
 };
 
@@ -35,6 +37,15 @@ struct job_done {
     int station;
     uint64_t session;
     struct job_result *result;
+};
+
+// One of the worker's stations.
+struct cut_station {
+    struct session_runtime *session; // NULL: none
+    struct mesh_sender sender;
+    struct mesh_inbox inbox; // from the control thread
+    bool listed;             // under said_lock
+    struct mesh_words words; // of this round
 };
 
 struct cut_worker {
@@ -47,11 +58,16 @@ struct cut_worker {
     struct ring *mesh_requests; // of struct mesh_request
     struct ring *done;          // of struct job_done, to the worker
     struct ring *notices;       // of struct runtime_notice, to the owner of the sessions
-    struct session_runtime *sessions[STATIONS_MAX];
-    struct mesh_sender senders[STATIONS_MAX];
-    struct mesh_inbox inboxes[STATIONS_MAX]; // from the control thread
-    struct mesh_words words[STATIONS_MAX];   // of this round
+    int count;
+    struct cut_station *stations; // by their place
+    pthread_mutex_t said_lock;    // held for a copy
+    int *said, said_count;        // places whose inbox has something
+    int *round, round_count;      // the same of this round
 };
+
+static struct cut_station *cut_station(const struct cut_worker *c, int station) {
+    return &c->stations[worker_place(c->worker->runtime, station)];
+}
 
 static struct station_runtime *station_of(const struct cut_worker *c, int station) {
     return &c->worker->runtime->stations[station];
@@ -61,11 +77,12 @@ static struct station_runtime *station_of(const struct cut_worker *c, int statio
 
 static void publish_tissues(struct cut_worker *c, int index) {
     struct station_runtime *station = station_of(c, index);
-    const struct session_runtime *session = c->sessions[index];
+    const struct cut_station *own = cut_station(c, index);
+    const struct session_runtime *session = own->session;
     struct tissue_report report = {.session = session->serial};
     for (int i = 0; i < scene_tissue_count(session->scene); i++) {
         report.figures[i] = *operation_figures(session->operation, i);
-        report.mesh_hashes[i] = mesh_sender_hash(&c->senders[index], i);
+        report.mesh_hashes[i] = mesh_sender_hash(&own->sender, i);
     }
     pthread_mutex_lock(&station->tissues_lock);
     station->tissues = report;
@@ -79,9 +96,9 @@ static void notify(struct cut_worker *c, const struct runtime_notice *notice) {
 }
 
 static void open_session(struct cut_worker *c, const struct cut_task *task) {
-    c->sessions[task->station] = task->session;
-    mesh_sender_open(&c->senders[task->station], *c->worker->runtime->config.control,
-                     task->session);
+    struct cut_station *own = cut_station(c, task->station);
+    own->session = task->session;
+    mesh_sender_open(&own->sender, *c->worker->runtime->config.control, task->session);
     publish_tissues(c, task->station);
     notify(c, &(struct runtime_notice){.kind = NOTICE_OPENED,
                                        .station = task->station,
@@ -109,16 +126,16 @@ static void show_result(struct cut_worker *c, int station, const struct job_resu
     log_refusal(c, station, result);
     if (result->outcome == JOB_NOTHING)
         return;
-    mesh_sender_push(&c->senders[station], result);
+    mesh_sender_push(&cut_station(c, station)->sender, result);
     publish_tissues(c, station);
 }
 
 // A cut lands at once. Who asked for an undo is answered as it lands, and then sees the tissue that
 // it left: so that is shown first.
 static void run(struct cut_worker *c, const struct cut_task *task) {
-    struct session_runtime *session = c->sessions[task->station];
+    struct session_runtime *session = cut_station(c, task->station)->session;
     CHECK(session && session->serial == task->serial);
-    struct job_result *result = operation_run(session->operation, &task->job);
+    struct job_result *result = operation_run(session->operation, task->job);
     bool is_undo = result->kind == JOB_UNDO;
     if (!is_undo)
         hand_over_result(c, task, result);
@@ -128,8 +145,9 @@ static void run(struct cut_worker *c, const struct cut_task *task) {
 }
 
 static void close_session(struct cut_worker *c, const struct cut_task *task) {
-    mesh_sender_close(&c->senders[task->station]);
-    c->sessions[task->station] = NULL;
+    struct cut_station *own = cut_station(c, task->station);
+    mesh_sender_close(&own->sender);
+    own->session = NULL;
     notify(c, &(struct runtime_notice){.kind = NOTICE_ENDED,
                                        .station = task->station,
                                        .session = task->session->serial,
@@ -160,27 +178,65 @@ static void take_task(struct cut_worker *c, struct cut_task *task) {
     }
 }
 
+// ---- what stations say --------------------------------------------------------------------------
+
+static void list(struct cut_worker *c, int place) {
+    pthread_mutex_lock(&c->said_lock);
+    if (!c->stations[place].listed)
+        c->said[c->said_count++] = place;
+    c->stations[place].listed = true;
+    pthread_mutex_unlock(&c->said_lock);
+}
+
+static void take_list(struct cut_worker *c) {
+    pthread_mutex_lock(&c->said_lock);
+    int *empty = c->round;
+    c->round = c->said;
+    c->round_count = c->said_count;
+    c->said = empty;
+    c->said_count = 0;
+    for (int i = 0; i < c->round_count; i++)
+        c->stations[c->round[i]].listed = false;
+    pthread_mutex_unlock(&c->said_lock);
+}
+
+// Leaves those that have words in the round. One that asks too soon waits for a later one.
+static void take_words(struct cut_worker *c) {
+    int count = 0;
+    take_list(c);
+    for (int i = 0; i < c->round_count; i++) {
+        struct cut_station *own = &c->stations[c->round[i]];
+        if (mesh_inbox_take(&own->inbox, clock_now_ns(), &own->words))
+            c->round[count++] = c->round[i];
+        else
+            list(c, c->round[i]);
+    }
+    c->round_count = count;
+}
+
+static void answer_words(struct cut_worker *c) {
+    for (int i = 0; i < c->round_count; i++) {
+        struct cut_station *own = &c->stations[c->round[i]];
+        progress_note(&c->progress, "send meshes", worker_station(c->worker, c->round[i]));
+        mesh_sender_take(&own->sender, &own->words);
+    }
+}
+
 // ---- the thread ---------------------------------------------------------------------------------
 
 // Takes what is there now and leaves the rest to the next round, since tasks may come for ever. A
 // station asks for meshes when it hears of its session, whose task was given before: so words are
 // taken first and answered last. The same holds for pages.
 static void take_round(struct cut_worker *c) {
-    bool said[STATIONS_MAX];
-    for (int i = 0; i < STATIONS_MAX; i++)
-        said[i] = mesh_inbox_take(&c->inboxes[i], clock_now_ns(), &c->words[i]);
+    take_words(c);
     size_t requests = ring_count(c->mesh_requests), tasks = ring_count(c->tasks);
     struct cut_task task;
     struct mesh_request request;
     for (; tasks && ring_pop(c->tasks, &task); tasks--)
         take_task(c, &task);
-    for (int i = 0; i < STATIONS_MAX; i++)
-        if (said[i]) {
-            progress_note(&c->progress, "send meshes", i);
-            mesh_sender_take(&c->senders[i], &c->words[i]);
-        }
+    answer_words(c);
     for (; requests && ring_pop(c->mesh_requests, &request); requests--) {
-        mesh_sender_request(&c->senders[request.station], &request);
+        mesh_sender_request(&cut_station(c, request.station)->sender, &request);
         mailbox_release(&request.mailbox);
     }
 }
@@ -221,12 +277,18 @@ struct cut_worker *cut_worker_create(struct worker *worker) {
     c->worker = worker;
     c->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     NEED(c->wake_fd >= 0, "descriptor");
-    c->tasks = ring_create(TASKS_MAX, sizeof(struct cut_task));
-    c->mesh_requests = ring_create(TASKS_MAX, sizeof(struct mesh_request));
-    c->done = ring_create(TASKS_MAX, sizeof(struct job_done));
-    c->notices = ring_create(TASKS_MAX, sizeof(struct runtime_notice));
-    for (int i = 0; i < STATIONS_MAX; i++)
-        mesh_inbox_init(&c->inboxes[i]);
+    size_t tasks = worker_room(worker->runtime, worker->index, TASKS_EACH, TASKS_LEAST);
+    c->tasks = ring_create(tasks, sizeof(struct cut_task));
+    c->mesh_requests = ring_create(MESH_REQUESTS_MAX, sizeof(struct mesh_request));
+    c->done = ring_create(tasks, sizeof(struct job_done));
+    c->notices = ring_create(tasks, sizeof(struct runtime_notice));
+    c->count = worker_stations(worker->runtime, worker->index);
+    c->stations = alloc((size_t)c->count, sizeof *c->stations);
+    c->said = alloc((size_t)c->count, sizeof *c->said);
+    c->round = alloc((size_t)c->count, sizeof *c->round);
+    pthread_mutex_init(&c->said_lock, NULL);
+    for (int i = 0; i < c->count; i++)
+        mesh_inbox_init(&c->stations[i].inbox);
     int failed = pthread_create(&c->thread, NULL, work, c);
     NEED(!failed, "thread");
     return c;
@@ -248,10 +310,14 @@ void cut_worker_destroy(struct cut_worker **cut_worker) {
         job_result_destroy(&done.result);
     while (ring_pop(c->mesh_requests, &request))
         mailbox_release(&request.mailbox);
-    for (int i = 0; i < STATIONS_MAX; i++) {
-        mesh_sender_fini(&c->senders[i]);
-        mesh_inbox_fini(&c->inboxes[i]);
+    for (int i = 0; i < c->count; i++) {
+        mesh_sender_fini(&c->stations[i].sender);
+        mesh_inbox_fini(&c->stations[i].inbox);
     }
+    pthread_mutex_destroy(&c->said_lock);
+    free(c->stations);
+    free(c->said);
+    free(c->round);
     ring_destroy(&c->tasks);
     ring_destroy(&c->mesh_requests);
     ring_destroy(&c->done);
@@ -275,7 +341,7 @@ void cut_worker_open(struct cut_worker *c, int station, struct session_runtime *
 
 void cut_worker_run(struct cut_worker *c, int station, uint64_t session, const struct job *job) {
     give(c,
-         &(struct cut_task){.kind = TASK_RUN, .station = station, .serial = session, .job = *job});
+         &(struct cut_task){.kind = TASK_RUN, .station = station, .serial = session, .job = job});
 }
 
 void cut_worker_close(struct cut_worker *c, int station, struct session_runtime *session,
@@ -304,12 +370,14 @@ void cut_worker_release_result(struct cut_worker *c, struct job_result *result) 
 
 void cut_worker_message(struct cut_worker *c, int station, struct control_peer peer,
                         const arthron_Control *message) {
-    mesh_inbox_put(&c->inboxes[station], peer, message);
+    mesh_inbox_put(&cut_station(c, station)->inbox, peer, message);
+    list(c, worker_place(c->worker->runtime, station));
     wake_fd(c->wake_fd);
 }
 
 void cut_worker_leave(struct cut_worker *c, int station) {
-    mesh_inbox_leave(&c->inboxes[station]);
+    mesh_inbox_leave(&cut_station(c, station)->inbox);
+    list(c, worker_place(c->worker->runtime, station));
     wake_fd(c->wake_fd);
 }
 

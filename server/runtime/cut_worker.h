@@ -15,6 +15,7 @@ void cut_worker_destroy(struct cut_worker **cut_worker); // NULL inside is fine
 // ---- the worker's thread; none waits ----
 
 void cut_worker_open(struct cut_worker *cut_worker, int station, struct session_runtime *session);
+// The job stays where it is until its result is there.
 void cut_worker_run(struct cut_worker *cut_worker, int station, uint64_t session,
                     const struct job *job);
 // The session goes to its owner (NOTICE_ENDED) once its jobs are done.

@@ -5,6 +5,13 @@
 #include <errno.h>
 #include <unistd.h>
 
+size_t worker_room(const struct runtime *runtime, int worker, size_t each, size_t least) {
+    size_t room = 1, wanted = each * (size_t)worker_stations(runtime, worker);
+    while (room < wanted || room < least)
+        room *= 2;
+    return room;
+}
+
 void wake_fd(int fd) {
     uint64_t one = 1;
     ssize_t written = write(fd, &one, sizeof one);

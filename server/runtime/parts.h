@@ -58,6 +58,7 @@ struct station_runtime {
     const struct runtime_station *config;
     struct station_counts counts;
 
+    atomic_bool called;             // it is in its worker's ring of those
     struct newest *connections;     // of struct station_connection, from the control thread
     struct station_connection told; // the control thread's
     struct ring *frames;            // of struct tcp_frame, from the control thread
@@ -76,11 +77,13 @@ struct station_runtime {
     struct tissue_report tissues; // from the cut worker
 
     atomic_uint_fast64_t job; // on its way, set by the worker; 0: none
+    struct job job_given;     // the same; the cut worker reads it
 
     // The worker's alone:
     struct session_runtime *session; // NULL: none
     enum session_state state;
     bool ending; // once the job that is on its way has landed
+    bool is_due; // among worker->due
     struct station_connection connection;
     uint32_t udp_connection;
     struct frame_order order;
@@ -126,6 +129,7 @@ struct worker_request {
 };
 
 struct cut_worker;
+struct looks;
 
 struct worker {
     struct runtime *runtime;
@@ -139,6 +143,9 @@ struct worker {
     pthread_mutex_t request_lock; // of the producers; the worker takes no part
     struct ring *requests;        // of struct worker_request
     struct ring *notices;         // of struct runtime_notice
+    struct ring *called;          // of int: stations for which the control thread left something
+    struct looks *looks;          // the worker's
+    int *due, due_count;          // too: places that are looked at in this pass
     struct {
         atomic_uint_fast64_t strangers, forged, replayed, malformed, too_long;
     } counts;
@@ -146,7 +153,7 @@ struct worker {
 
 struct runtime {
     struct runtime_config config;
-    struct station_runtime stations[STATIONS_MAX];
+    struct station_runtime *stations;
     struct worker *workers;
     int worker_count;
     struct watchdog *watchdog;
@@ -157,6 +164,23 @@ struct runtime {
 static inline struct worker *station_worker(struct runtime *runtime, int station) {
     return &runtime->workers[station % runtime->worker_count];
 }
+
+// Of the worker's own stations: how many there are, and the place of one among them.
+static inline int worker_stations(const struct runtime *runtime, int worker) {
+    int count = runtime->config.station_count, workers = runtime->worker_count;
+    return count > worker ? (count - worker - 1) / workers + 1 : 0;
+}
+
+static inline int worker_place(const struct runtime *runtime, int station) {
+    return station / runtime->worker_count;
+}
+
+static inline int worker_station(const struct worker *worker, int place) {
+    return place * worker->runtime->worker_count + worker->index;
+}
+
+// The capacity of a ring with so much for each of the worker's stations, and at least so much.
+size_t worker_room(const struct runtime *runtime, int worker, size_t each, size_t least);
 
 // Wakes a thread that polls an eventfd.
 void wake_fd(int fd);

@@ -65,6 +65,7 @@ enum result runtime_create(const struct runtime_config *config, struct runtime *
     struct runtime *r = alloc(1, sizeof *r);
     enum result result = RESULT_OK;
     r->config = *config;
+    r->stations = alloc((size_t)config->station_count + 1, sizeof *r->stations);
     for (int i = 0; i < config->station_count; i++)
         open_station(r, i);
     r->workers = alloc((size_t)config->workers, sizeof *r->workers);
@@ -99,6 +100,7 @@ void runtime_destroy(struct runtime **runtime) {
         worker_release(&r->workers[i]);
     for (int i = 0; i < r->config.station_count; i++)
         close_station(&r->stations[i]);
+    free(r->stations);
     free(r->workers);
     free(r);
     *runtime = NULL;
@@ -106,8 +108,19 @@ void runtime_destroy(struct runtime **runtime) {
 
 // ---- connections: the control thread ------------------------------------------------------------
 
+static void call(struct runtime *r, int station) {
+    if (atomic_exchange(&r->stations[station].called, true))
+        return;
+    bool pushed = ring_push(station_worker(r, station)->called, &station);
+    CHECK(pushed);
+}
+
 static void tell_connection(struct runtime *r, int station) {
     newest_put(r->stations[station].connections, &r->stations[station].told);
+    call(r, station);
+}
+
+static void wake(struct runtime *r, int station) {
     wake_fd(station_worker(r, station)->wake_fd);
 }
 
@@ -119,41 +132,51 @@ void runtime_join(struct runtime *r, int station, struct control_peer peer,
                                         .confirms_in_replies = confirms_in_replies,
                                         .peer = peer};
     tell_connection(r, station);
+    wake(r, station);
 }
 
 void runtime_leave(struct runtime *r, int station) {
     struct station_connection *told = &r->stations[station].told;
     told->connected = told->clock_known = false;
     tell_connection(r, station);
+    wake(r, station);
     cut_worker_leave(station_worker(r, station)->cut_worker, station);
 }
 
+// A better clock can wait for the worker's next turn, the first one is waited for.
 void runtime_set_clock(struct runtime *r, int station, int64_t offset_ns) {
-    r->stations[station].told.clock_known = true;
-    r->stations[station].told.clock_offset_ns = offset_ns;
+    struct station_connection *told = &r->stations[station].told;
+    bool first = !told->clock_known;
+    told->clock_known = true;
+    told->clock_offset_ns = offset_ns;
     tell_connection(r, station);
+    if (first)
+        wake(r, station);
 }
 
 void runtime_confirm_path(struct runtime *r, int station, uint64_t challenge) {
     r->stations[station].told.confirms++;
     r->stations[station].told.challenge = challenge;
     tell_connection(r, station);
+    wake(r, station);
 }
 
 void runtime_frame(struct runtime *r, int station, const struct frame *frame, int64_t received_ns) {
     struct station_runtime *s = &r->stations[station];
     struct tcp_frame next = {s->told.joins, received_ns, *frame};
     if (ring_push(s->frames, &next))
-        wake_fd(station_worker(r, station)->wake_fd);
+        call(r, station);
     else
         atomic_fetch_add_explicit(&s->counts.frames_excess, 1, memory_order_relaxed);
+    wake(r, station);
 }
 
 void runtime_marker(struct runtime *r, int station, const struct marker *marker) {
     struct station_runtime *s = &r->stations[station];
     struct station_marker next = {s->told.joins, *marker};
     if (ring_push(s->markers, &next))
-        wake_fd(station_worker(r, station)->wake_fd);
+        call(r, station);
+    wake(r, station);
 }
 
 void runtime_slowed(struct runtime *r, int station, enum slowed what) {

@@ -12,8 +12,8 @@
 
 struct runtime;
 
-// Opens the datagram sockets and starts the threads. The names in the config must outlive the
-// runtime. RESULT_IO names address and port.
+// Opens the datagram sockets and starts the threads. The stations of the config must outlive
+// the runtime. RESULT_IO names address and port.
 enum result runtime_create(const struct runtime_config *config, struct runtime **out_runtime,
                            struct error *err);
 

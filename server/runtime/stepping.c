@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "runtime/attempts.h"
 #include "runtime/cut_worker.h"
+#include "runtime/looks.h"
 #include "runtime/reply.h"
 
 #include <math.h>
@@ -97,7 +98,9 @@ static void order_job(struct worker *worker, struct station_runtime *station,
     station->job = output->job.id;
     if (output->job.kind == JOB_UNDO)
         station->undo.job = output->job.id;
-    cut_worker_run(worker->cut_worker, station->index, station->session->serial, &output->job);
+    station->job_given = output->job;
+    cut_worker_run(worker->cut_worker, station->index, station->session->serial,
+                   &station->job_given);
 }
 
 void step_input(struct worker *worker, struct station_runtime *station, struct session_input *input,
@@ -105,6 +108,8 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
     if (input->time_ns < station->last_step_ns)
         input->time_ns = station->last_step_ns;
     station->last_step_ns = input->time_ns;
+    looks_by(worker->looks, worker_place(worker->runtime, station->index),
+             input->time_ns - station->session->ahead_ns + EMPTY_STEP_NS);
     progress_note(&worker->progress, "compute a step", station->index);
     session_step(station->session->session, input, output);
     progress_note(&worker->progress, "record a step", station->index);

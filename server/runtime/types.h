@@ -12,7 +12,7 @@
 
 #include <stdatomic.h>
 
-#define STATIONS_MAX 64
+#define STATIONS_MAX 4096 // of a server
 #define STATION_NAME_MAX 64
 
 struct runtime_station {
@@ -30,7 +30,7 @@ struct runtime_config {
     int64_t hold_ns;       // how long a sample is valid: what a late frame told too
     double touch_reach_mm; // a tip in contact counts as no farther off the surface than this
     int station_count;
-    struct runtime_station stations[STATIONS_MAX];
+    const struct runtime_station *stations;
     // Where messages to stations go out: set before a station joins or a session is attached.
     struct control *const *control;
     // Called after each notice, from a worker's or cut worker's thread; must not wait.

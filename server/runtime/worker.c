@@ -1,26 +1,42 @@
 #include "runtime/worker.h"
 
-#include "base/chance.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "runtime/attempts.h"
 #include "runtime/cut_worker.h"
 #include "runtime/frames.h"
+#include "runtime/looks.h"
 #include "runtime/markers.h"
 #include "runtime/session_begin.h"
 #include "runtime/stepping.h"
 
 #include <errno.h>
 #include <poll.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#define EMPTY_STEP_NS (50 * NS_PER_MS)
+#define REST_AFTER_NS NS_PER_S
 #define TICK_MS 10
-#define REQUESTS_MAX 1024
-#define NOTICES_MAX 4096
+#define REQUESTS_LEAST 1024
+#define REQUESTS_EACH 16
+#define NOTICES_LEAST 64
+#define NOTICES_EACH 64
+
+// ---- whom to look at ----------------------------------------------------------------------------
+
+static struct station_runtime *at_place(struct worker *worker, int place) {
+    return &worker->runtime->stations[worker_station(worker, place)];
+}
+
+static void make_due(struct worker *worker, int place) {
+    struct station_runtime *station = at_place(worker, place);
+    if (!station->is_due)
+        worker->due[worker->due_count++] = place;
+    station->is_due = true;
+}
 
 // ---- connections --------------------------------------------------------------------------------
 
@@ -29,13 +45,6 @@ static void send_keys(struct worker *worker, struct station_runtime *station) {
     datagram_new_epoch(worker->endpoint, station->udp_connection, station, clock_now_ns(),
                        &message.message.udp_keys);
     control_send(*worker->runtime->config.control, station->connection.peer, &message);
-}
-
-static uint32_t random_connection(void) {
-    uint32_t connection = 0;
-    while (!connection)
-        chance_fill(&connection, sizeof connection);
-    return connection;
 }
 
 static void forget_keys(struct worker *worker, struct station_runtime *station) {
@@ -55,7 +64,8 @@ static void station_joined(struct worker *worker, struct station_runtime *statio
         station->event_counts[bit] = station->events >> bit & 1;
     frames_begin_pause(station);
     devices_begin(&station->device_watch, station->counts.devices);
-    station->udp_connection = random_connection();
+    station->udp_connection =
+        datagram_new_id(worker->endpoint, worker_place(worker->runtime, station->index));
     send_keys(worker, station);
     if (station->connection.confirms_in_replies)
         datagram_challenge_in_replies(worker->endpoint, station->udp_connection);
@@ -137,6 +147,7 @@ static void take_request(struct worker *worker, const struct worker_request *req
         .kind = NOTICE_TAKEN, .station = request->station, .ticket = request->ticket};
     if (request->kind == REQUEST_ATTACH) {
         session_begin(worker, station, request->session);
+        make_due(worker, worker_place(worker->runtime, station->index));
         return;
     }
     if (put_off_end(worker, station, request))
@@ -174,8 +185,13 @@ static void tell_slowed(struct worker *worker, struct station_runtime *station, 
     }
 }
 
-static void watch_time(struct worker *worker, struct station_runtime *station) {
-    int64_t now_ns = clock_now_ns();
+// Without frames, and its steps would change nothing but their time.
+static bool is_at_rest(const struct station_runtime *station, int64_t now_ns) {
+    return now_ns - station->last_frame_ns > REST_AFTER_NS && !station->session->attempt &&
+           (station->state != SESSION_RUNNING || session_rests(station->session->session));
+}
+
+static void watch_time(struct worker *worker, struct station_runtime *station, int64_t now_ns) {
     if (station->connection.connected &&
         datagram_epoch_is_old(worker->endpoint, station->udp_connection, now_ns))
         send_keys(worker, station);
@@ -184,11 +200,33 @@ static void watch_time(struct worker *worker, struct station_runtime *station) {
     publish_trace(station);
     frames_settle(station);
     tell_slowed(worker, station, now_ns);
+    int64_t pause_ns = is_at_rest(station, now_ns) ? REST_STEP_NS : EMPTY_STEP_NS;
     if (step_is_deserted(worker, station))
         step_end(worker, station);
-    else if (step_now_ns(station) - station->last_step_ns >= EMPTY_STEP_NS &&
+    else if (step_now_ns(station) - station->last_step_ns >= pause_ns &&
              station->state == SESSION_RUNNING)
         step_without_frame(worker, station, INPUT_EMPTY);
+}
+
+// A station that has nothing to do is looked at when somebody calls.
+static void look_again(struct worker *worker, const struct station_runtime *station,
+                       int64_t now_ns) {
+    const struct marking *m = &station->marking;
+    int64_t in_ns = station->session && !is_at_rest(station, now_ns) ? EMPTY_STEP_NS : NS_PER_S;
+    if (m->holds || m->tells || m->owes)
+        in_ns = TICK_MS * NS_PER_MS;
+    if (station->session || station->connection.connected)
+        looks_by(worker->looks, worker_place(worker->runtime, station->index), now_ns + in_ns);
+}
+
+// True where frames are left for the next round.
+static bool visit(struct worker *worker, struct station_runtime *station) {
+    int64_t now_ns = clock_now_ns();
+    bool left = frames_take_tcp(worker, station);
+    markers_take(worker, station);
+    watch_time(worker, station, now_ns);
+    look_again(worker, station, now_ns);
+    return left;
 }
 
 static struct station_runtime *next_station(struct worker *worker, int *index) {
@@ -197,22 +235,29 @@ static struct station_runtime *next_station(struct worker *worker, int *index) {
     return *index < runtime->config.station_count ? &runtime->stations[*index] : NULL;
 }
 
-// True where frames are left for the next round.
-static bool visit_stations(struct worker *worker) {
-    bool left = false;
-    struct station_runtime *station;
-    for (int i = -1; (station = next_station(worker, &i));) {
-        left |= frames_take_tcp(worker, station);
-        markers_take(worker, station);
-        watch_time(worker, station);
+// True where some are due again.
+static bool visit_due(struct worker *worker) {
+    for (int place; (place = looks_take(worker->looks, clock_now_ns())) >= 0;)
+        make_due(worker, place);
+    int count = worker->due_count;
+    worker->due_count = 0;
+    for (int i = 0; i < count; i++) {
+        struct station_runtime *station = at_place(worker, worker->due[i]);
+        station->is_due = visit(worker, station);
+        if (station->is_due)
+            worker->due[worker->due_count++] = worker->due[i];
     }
-    return left;
+    return worker->due_count > 0;
 }
 
-static void take_connections(struct worker *worker) {
-    struct station_runtime *station;
-    for (int i = -1; (station = next_station(worker, &i));)
+static void take_calls(struct worker *worker) {
+    int index;
+    while (ring_pop(worker->called, &index)) {
+        struct station_runtime *station = &worker->runtime->stations[index];
+        atomic_store(&station->called, false);
         take_connection(worker, station);
+        make_due(worker, worker_place(worker->runtime, index));
+    }
 }
 
 // True once all have ended.
@@ -263,11 +308,11 @@ static void *work(void *argument) {
         progress_note(&worker->progress, "wait for frames and requests", -1);
         wait_for_work(worker, fds, left);
         progress_note(&worker->progress, "take connections and requests", -1);
-        take_connections(worker);
+        take_calls(worker);
         take_requests(worker);
         step_results(worker);
         frames_take_datagrams(worker);
-        left = visit_stations(worker);
+        left = visit_due(worker);
     }
     take_requests(worker);
     while (!end_sessions(worker)) {
@@ -294,13 +339,20 @@ enum result worker_start(struct runtime *runtime, int index, struct error *err) 
     worker->runtime = runtime;
     worker->index = index;
     pthread_mutex_init(&worker->request_lock, NULL);
-    enum result result = datagram_create(address, port, &worker->endpoint, err);
+    enum result result =
+        datagram_create(address, port, worker_stations(runtime, index), &worker->endpoint, err);
     if (result != RESULT_OK)
         return result;
     worker->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     NEED(worker->wake_fd >= 0, "descriptor");
-    worker->requests = ring_create(REQUESTS_MAX, sizeof(struct worker_request));
-    worker->notices = ring_create(NOTICES_MAX, sizeof(struct runtime_notice));
+    size_t requests = worker_room(runtime, index, REQUESTS_EACH, REQUESTS_LEAST);
+    size_t notices = worker_room(runtime, index, NOTICES_EACH, NOTICES_LEAST);
+    worker->requests = ring_create(requests, sizeof(struct worker_request));
+    worker->notices = ring_create(notices, sizeof(struct runtime_notice));
+    int stations = worker_stations(runtime, index);
+    worker->called = ring_create(worker_room(runtime, index, 1, 1), sizeof(int));
+    worker->looks = looks_create(stations);
+    worker->due = alloc((size_t)stations, sizeof *worker->due);
     worker->cut_worker = cut_worker_create(worker);
     int failed = pthread_create(&worker->thread, NULL, work, worker);
     NEED(!failed, "thread");
@@ -320,6 +372,9 @@ void worker_release(struct worker *worker) {
         close(worker->wake_fd);
     ring_destroy(&worker->requests);
     ring_destroy(&worker->notices);
+    ring_destroy(&worker->called);
+    looks_destroy(&worker->looks);
+    free(worker->due);
     cut_worker_destroy(&worker->cut_worker);
     pthread_mutex_destroy(&worker->request_lock);
 }

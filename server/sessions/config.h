@@ -59,8 +59,8 @@ struct sessions_config {
     struct session_instrument instruments[SESSIONS_INSTRUMENTS_MAX];
     int case_count;
     struct session_case cases[SESSIONS_CASES_MAX];
-    int station_count;
-    struct session_station stations[STATIONS_MAX];
+    int station_count; // at most STATIONS_MAX
+    struct session_station *stations;
 };
 
 // The number of workers: one for each core if the config says 0.

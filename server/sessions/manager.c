@@ -19,7 +19,18 @@
 #define RETRY_NS NS_PER_S
 #define EXCESS_WARNING 100 // frames a second: a burst after a pause is none
 #define POOL_THREADS 4
-#define POOL_TASKS (4 * STATIONS_MAX)
+#define POOL_TASKS_EACH 4 // of a station
+
+// Of one station.
+struct looked_after {
+    atomic_bool calls; // it may need a session, or another one
+    bool drift_warned, trace_warned;
+    uint64_t clock_steps;           // that were told
+    uint64_t markers_refused;       // too
+    uint64_t ended_for_instruments; // serial of the session
+    uint64_t excess;                // frames, as of the last look
+    int64_t excess_told_ns;
+};
 
 struct manager {
     struct sessions *sessions;
@@ -27,13 +38,13 @@ struct manager {
     atomic_bool opens; // between manager_start and manager_stop
     sem_t wake;
     struct task_pool *pool;
-    bool drift_warned[STATIONS_MAX], trace_warned[STATIONS_MAX];
-    uint64_t clock_steps[STATIONS_MAX];           // that were told
-    uint64_t markers_refused[STATIONS_MAX];       // too
-    uint64_t ended_for_instruments[STATIONS_MAX]; // serial of the session
-    uint64_t excess[STATIONS_MAX];                // frames, as of the last look
-    int64_t excess_told_ns[STATIONS_MAX];
+    struct looked_after *stations;
 };
+
+void manager_call(struct sessions *s, int station) {
+    atomic_store(&s->manager->stations[station].calls, true);
+    manager_notify(s);
+}
 
 void manager_notify(void *user) {
     struct sessions *s = user;
@@ -95,7 +106,7 @@ void manager_open(struct sessions *s, int station) {
 // would be others. Once for each session; if the worker has no room, the next round tries again.
 static void end_of_other_instruments(struct sessions *s, int station) {
     struct station_status status;
-    uint64_t *ended = &s->manager->ended_for_instruments[station];
+    uint64_t *ended = &s->manager->stations[station].ended_for_instruments;
     station_slot_status(&s->slots[station], &status);
     if (!status.connected || status.phase != SLOT_ATTACHED || *ended == status.about.serial ||
         instruments_equal(&status.instruments, &status.about.instruments))
@@ -117,6 +128,7 @@ static void take_undone(struct station_slot *slot, const struct runtime_notice *
 
 static void take_notice(struct sessions *s, const struct runtime_notice *notice) {
     struct station_slot *slot = &s->slots[notice->station];
+    atomic_store(&s->manager->stations[notice->station].calls, true);
     switch (notice->kind) {
     case NOTICE_STATE:
         station_slot_set_state(slot, notice->session, notice->state);
@@ -164,7 +176,7 @@ static void warn_of_drift(struct sessions *s, int station) {
     const struct station_counts *counts = runtime_counts(s->runtime, station);
     bool known = atomic_load(&counts->touches) >= DRIFT_TOUCHES;
     double drift_mm = (double)atomic_load(&counts->drift_nm) / 1e6;
-    bool *warned = &s->manager->drift_warned[station];
+    bool *warned = &s->manager->stations[station].drift_warned;
     bool is_far = known && drift_mm > s->config.calibration_mm;
     if (is_far && !*warned)
         log_warning("sessions", "station %s: tip is %.2f mm off the surface; recalibrate",
@@ -174,7 +186,7 @@ static void warn_of_drift(struct sessions *s, int station) {
 
 static void warn_of_trace(struct sessions *s, int station) {
     const struct station_counts *counts = runtime_counts(s->runtime, station);
-    bool *warned = &s->manager->trace_warned[station];
+    bool *warned = &s->manager->stations[station].trace_warned;
     bool is_incomplete = atomic_load(&counts->trace_missing) > 0;
     if (is_incomplete && !*warned)
         log_error("sessions", "station %s: its trace is incomplete: the disk is too slow or full",
@@ -185,15 +197,16 @@ static void warn_of_trace(struct sessions *s, int station) {
 static void warn_of_clock(struct sessions *s, int station) {
     const struct station_counts *counts = runtime_counts(s->runtime, station);
     uint64_t steps = atomic_load(&counts->clock_steps);
-    if (steps > s->manager->clock_steps[station])
+    uint64_t *told = &s->manager->stations[station].clock_steps;
+    if (steps > *told)
         log_warning("sessions", "station %s: its clock was stepped by %.3f s; its frames go on",
                     station_name(s, station), (double)atomic_load(&counts->clock_step_ns) / 1e9);
-    s->manager->clock_steps[station] = steps;
+    *told = steps;
 }
 
 static void warn_of_markers(struct sessions *s, int station) {
     uint64_t refused = atomic_load(&runtime_counts(s->runtime, station)->markers_refused);
-    uint64_t *told = &s->manager->markers_refused[station];
+    uint64_t *told = &s->manager->stations[station].markers_refused;
     if (refused > *told)
         log_warning("sessions",
                     "station %s: %" PRIu64 " markers are not recorded: they are not of the time of "
@@ -204,8 +217,9 @@ static void warn_of_markers(struct sessions *s, int station) {
 
 static void warn_of_share(struct sessions *s, int station) {
     uint64_t excess = atomic_load(&runtime_counts(s->runtime, station)->frames_excess);
-    uint64_t *before = &s->manager->excess[station];
-    int64_t now_ns = clock_now_ns(), *told_ns = &s->manager->excess_told_ns[station];
+    struct looked_after *one = &s->manager->stations[station];
+    uint64_t *before = &one->excess;
+    int64_t now_ns = clock_now_ns(), *told_ns = &one->excess_told_ns;
     uint64_t more = excess < *before ? excess : excess - *before;
     *before = excess;
     if (more <= EXCESS_WARNING || (*told_ns && now_ns - *told_ns < FAIR_TELL_NS))
@@ -238,16 +252,24 @@ static void wait_for_work(struct manager *m, int64_t until_ns) {
         ;
 }
 
+// Those that call, and once a round all.
+static void open_needed(struct sessions *s, bool all) {
+    for (int i = 0; i < s->config.station_count; i++) {
+        if (!atomic_exchange(&s->manager->stations[i].calls, false) && !all)
+            continue;
+        end_of_other_instruments(s, i);
+        manager_open(s, i);
+    }
+}
+
 static void *manage(void *argument) {
     struct sessions *s = argument;
-    int64_t round_ns = clock_now_ns() + ROUND_NS;
+    int64_t round_ns = clock_now_ns();
     while (atomic_load(&s->manager->opens)) {
+        bool all = clock_now_ns() >= round_ns;
         take_notices(s);
-        for (int i = 0; i < s->config.station_count; i++) {
-            end_of_other_instruments(s, i);
-            manager_open(s, i);
-        }
-        if (clock_now_ns() >= round_ns) {
+        open_needed(s, all);
+        if (all) {
             look_after(s);
             round_ns = clock_now_ns() + ROUND_NS;
         }
@@ -257,8 +279,11 @@ static void *manage(void *argument) {
 }
 
 void manager_create(struct sessions *s) {
-    struct task_pool_settings settings = {.threads = POOL_THREADS, .tasks_max = POOL_TASKS};
+    int count = s->config.station_count;
+    struct task_pool_settings settings = {.threads = POOL_THREADS,
+                                          .tasks_max = POOL_TASKS_EACH * (count + 1)};
     struct manager *m = alloc(1, sizeof *m);
+    m->stations = alloc((size_t)count, sizeof *m->stations);
     m->sessions = s;
     sem_init(&m->wake, 0, 0);
     m->pool = task_pool_create(&settings);
@@ -288,6 +313,7 @@ void manager_destroy(struct sessions *s) {
         take_notices(s);
     task_pool_destroy(&m->pool);
     sem_destroy(&m->wake);
+    free(m->stations);
     free(m);
     s->manager = NULL;
 }

@@ -14,9 +14,12 @@ void manager_destroy(struct sessions *sessions);
 // before manager_start, which looks at all stations.
 void manager_open(struct sessions *sessions, int station);
 
+// Looks at the station soon: it may need a session, or another one. From any thread, never waits.
+void manager_call(struct sessions *sessions, int station);
+
 // Whether sessions may be opened and controlled: between manager_start and manager_stop.
 bool manager_opens(const struct sessions *sessions);
 
-// Wakes the manager: a notice has come, or a station may need a session. From any thread, never
-// waits. sessions: struct sessions
+// Wakes the manager: a notice or a marker has come. From any thread, never waits. sessions: struct
+// sessions
 void manager_notify(void *sessions);

@@ -24,8 +24,9 @@ struct sessions {
     struct grades *grades;
     struct task_library *tasks;
     struct site_pool *sites;
-    struct station_slot slots[STATIONS_MAX];
-    int station_of[CONTROL_PEERS_MAX]; // a peer's last; the control thread's
+    struct station_slot *slots;     // by station
+    int *station_of;                // a peer's last; the control thread's
+    struct runtime_station *served; // what the runtime knows of the stations
     struct runtime *runtime;
     struct control *control;
     struct console *console;

@@ -191,7 +191,7 @@ static void claim_slot(struct resumed *r) {
 enum result resume_replay(struct sessions *s, struct error *err) {
     enum result result = RESULT_OK;
     struct task_pool_settings settings = {.threads = sessions_worker_count(&s->config),
-                                          .tasks_max = STATIONS_MAX};
+                                          .tasks_max = s->config.station_count + 1};
     struct task_pool *pool = task_pool_create(&settings);
     s->resumed = alloc((size_t)s->config.station_count + 1, sizeof *s->resumed);
     for (int i = 0; i < s->config.station_count; i++) {

@@ -1,10 +1,10 @@
-#include "sessions/attempt_rows.h"
 #include "sessions/sessions.h"
 
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "runtime/reply.h"
+#include "sessions/attempt_rows.h"
 #include "sessions/closing.h"
 #include "sessions/commands.h"
 #include "sessions/fork.h"
@@ -106,8 +106,7 @@ static enum result load_signer(struct sessions *s, struct error *err) {
 }
 
 static enum result start_runtime(struct sessions *s, struct error *err) {
-    static struct runtime_config config;
-    config = (struct runtime_config){
+    struct runtime_config config = {
         .address = s->config.address,
         .udp_port = s->config.udp_port,
         .workers = sessions_worker_count(&s->config),
@@ -115,15 +114,16 @@ static enum result start_runtime(struct sessions *s, struct error *err) {
         .hold_ns = s->config.settings.hold_ns,
         .touch_reach_mm = s->config.settings.field.radius_mm,
         .station_count = s->config.station_count,
+        .stations = s->served,
         .control = &s->control,
         .notify = manager_notify,
         .user = s,
     };
     for (int i = 0; i < s->config.station_count; i++) {
         const struct session_station *station = &s->config.stations[i];
-        config.stations[i].name = station->name;
-        config.stations[i].start_by_command = station->start_by_command;
-        memcpy(config.stations[i].contact_buttons, station->contact_buttons,
+        s->served[i].name = station->name;
+        s->served[i].start_by_command = station->start_by_command;
+        memcpy(s->served[i].contact_buttons, station->contact_buttons,
                sizeof station->contact_buttons);
     }
     return runtime_create(&config, &s->runtime, err);
@@ -134,6 +134,7 @@ static enum result open_connections(struct sessions *s, struct error *err) {
     struct control_config control = {
         .address = config->address[0] ? config->address : NULL,
         .port = config->port,
+        .stations = config->station_count,
         .authority_dir = config->keys_dir,
         .software = "arthron-server " ARTHRON_VERSION,
         .hello_timeout_ns = 5 * NS_PER_S,
@@ -216,10 +217,21 @@ static enum result prepare(struct sessions *s, struct error *err) {
                                   : result;
 }
 
+static void copy_config(struct sessions *s, const struct sessions_config *config) {
+    size_t count = (size_t)config->station_count;
+    s->config = *config;
+    s->config.stations = alloc(count, sizeof *s->config.stations);
+    if (count)
+        memcpy(s->config.stations, config->stations, count * sizeof *config->stations);
+    s->slots = alloc(count, sizeof *s->slots);
+    s->served = alloc(count, sizeof *s->served);
+    s->station_of = alloc((size_t)control_peers(config->station_count), sizeof *s->station_of);
+}
+
 enum result sessions_create(const struct sessions_config *config, const atomic_bool *cancelled,
                             struct sessions **out_sessions, struct error *err) {
     struct sessions *s = alloc(1, sizeof *s);
-    s->config = *config;
+    copy_config(s, config);
     s->cancelled = cancelled;
     need_before_end(write_traces, s);
     need_before_end(write_audit, s);
@@ -258,6 +270,10 @@ static void release(struct sessions *s) {
     signer_destroy(&s->signer);
     claim_destroy(&s->claim);
     own_traces_free(s);
+    free(s->slots);
+    free(s->served);
+    free(s->station_of);
+    free(s->config.stations);
     free(s);
 }
 

@@ -13,9 +13,10 @@
 
 struct sessions;
 
-// Loads all cases, resumes sessions, opens all sockets, starts all threads. The config is copied.
-// *cancelled: may become true at any time and ends the start early with RESULT_TIMEOUT; it must
-// outlive the sessions. The error names the case, key file, address or folder at fault.
+// Loads all cases, resumes sessions, opens all sockets, starts all threads. The config and its
+// stations are copied. *cancelled: may become true at any time and ends the start early with
+// RESULT_TIMEOUT; it must outlive the sessions. The error names the case, key file, address or
+// folder at fault.
 enum result sessions_create(const struct sessions_config *config, const atomic_bool *cancelled,
                             struct sessions **out_sessions, struct error *err);
 

@@ -101,7 +101,7 @@ static enum result receive(struct sessions *s, int station, struct control_peer 
     station_slot_status(slot, &status);
     fill_welcome(s, &status, resumed, welcome);
     runtime_join(s->runtime, station, peer, names_path(hello));
-    manager_notify(s); // the session may be of other instruments
+    manager_call(s, station); // the session may be of other instruments
     warn_of_calibration(s, hello);
     log_info("sessions", "station %s joined%s", hello->station, resumed ? " again" : "");
     return RESULT_OK;

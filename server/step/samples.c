@@ -51,6 +51,14 @@ uint32_t samples_age(struct samples *samples, int64_t now_ns, int64_t hold_ns) {
     return events;
 }
 
+bool samples_are_lost(const struct samples *samples) {
+    for (int c = 0; c < CHANNEL_COUNT; c++)
+        for (int k = 0; k < SAMPLE_KIND_COUNT; k++)
+            if (samples->known[c][k] && samples->newest[c][k].validity != VALIDITY_LOST)
+                return false;
+    return true;
+}
+
 const struct sample *samples_last(const struct samples *samples, enum channel channel,
                                   enum sample_kind kind) {
     return samples->known[channel][kind] ? &samples->newest[channel][kind] : NULL;

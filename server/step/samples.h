@@ -27,6 +27,8 @@ struct sampling {
 uint32_t samples_take(struct samples *samples, const struct sample *sample, struct sampling at);
 uint32_t samples_age(struct samples *samples, int64_t now_ns, int64_t hold_ns);
 
+bool samples_are_lost(const struct samples *samples); // all that were ever known
+
 // NULL: there was never one.
 const struct sample *samples_last(const struct samples *samples, enum channel channel,
                                   enum sample_kind kind);

@@ -47,6 +47,8 @@ struct session {
     bool touched[TISSUES_MAX]; // by a job since it was last whole
     uint32_t to_undo;          // strokes
     uint32_t undo_behind;      // not before moves of this stroke and older ones are cut
+    bool loose_moves;          // a loose body did, in the last step
+    struct loose_output lay[CASE_LOOSE_MAX]; // where they were then
 };
 
 static void forget(struct session *s) {
@@ -105,6 +107,13 @@ bool session_is_changed(const struct session *s) {
     for (int t = 0; t < s->scene->tissue_count; t++)
         changed |= s->touched[t];
     return changed;
+}
+
+bool session_rests(const struct session *s) {
+    bool waits = s->to_undo > 0 || cutting_waits(&s->cutting, UINT32_MAX) || s->loose_moves;
+    for (int t = 0; t < s->scene->tissue_count; t++)
+        waits |= s->to_restore[t] || (s->easings[t] && easing_active(s->easings[t]));
+    return !waits && samples_are_lost(&s->samples);
 }
 
 // ---- inputs -------------------------------------------------------------------------------------
@@ -410,7 +419,12 @@ static uint32_t move_loose(struct session *s, int64_t passed_ns, struct session_
     uint32_t cut = 0;
     for (int t = 0; t < s->scene->tissue_count; t++)
         cut |= (uint32_t)s->touched[t] << s->scene->tissues[t].group;
-    return loose_step(s->loose, &tools, s->state == SESSION_RUNNING, passed_ns, cut, out);
+    uint32_t events =
+        loose_step(s->loose, &tools, s->state == SESSION_RUNNING, passed_ns, cut, out);
+    size_t size = (size_t)out->loose_count * sizeof *s->lay;
+    s->loose_moves = memcmp(s->lay, out->loose, size) != 0;
+    memcpy(s->lay, out->loose, size);
+    return events;
 }
 
 // ---- jobs ---------------------------------------------------------------------------------------

@@ -21,6 +21,9 @@ void session_destroy(struct session **session);
 // Whether a reset would change anything: a tissue was cut, or a loose body has moved.
 bool session_is_changed(const struct session *session);
 
+// Whether another step without an input would change nothing but its time.
+bool session_rests(const struct session *session);
+
 // Frame numbers must rise: dropping older ones is the caller's work (the runtime counts them).
 void session_step(struct session *session, const struct session_input *input,
                   struct session_output *out);

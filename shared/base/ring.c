@@ -16,9 +16,8 @@ struct ring {
 
 struct ring *ring_create(size_t capacity, size_t item_size) {
     CHECK(capacity && (capacity & (capacity - 1)) == 0 && item_size);
-    size_t size = sizeof(struct ring) + capacity * item_size;
-    struct ring *ring = alloc_aligned(64, size);
-    memset(ring, 0, size);
+    struct ring *ring = alloc_aligned(64, sizeof *ring + capacity * item_size);
+    memset(ring, 0, sizeof *ring); // no item is touched before it is used
     ring->capacity = capacity;
     ring->item_size = item_size;
     return ring;

@@ -11,12 +11,14 @@
 #include <string.h>
 
 #define SECTION_MAX 49 // bytes that inih keeps
-#define ENTRIES_MAX 8192
+#define ENTRIES_MAX 65536
+#define LISTS 16384
 
 // A section's header (key NULL) or one of its keys.
 struct entry {
     char *section, *key;
     int line;
+    int next; // in its list, by the hash of both; 0: none. Entries are counted from 1
 };
 
 struct entries_reader {
@@ -28,7 +30,8 @@ struct entries_reader {
     bool continued; // the present line begins with a blank
     int line;
     int count;
-    struct entry entries[ENTRIES_MAX];
+    struct entry *entries; // the room is for a power of two
+    int lists[LISTS];
 };
 
 static bool refuse(struct entries_reader *r) {
@@ -40,11 +43,24 @@ static bool same(const char *a, const char *b) {
     return a && b ? !strcmp(a, b) : a == b;
 }
 
-static const struct entry *find(const struct entries_reader *r, const char *section,
+// FNV-1a.
+static uint32_t hash_on(uint32_t hash, const char *text) {
+    for (; *text; text++)
+        hash = (hash ^ (uint8_t)*text) * 16777619u;
+    return hash;
+}
+
+static int *list_of(struct entries_reader *r, const char *section, const char *key) {
+    uint32_t hash = hash_on(hash_on(2166136261u, section), key ? key : "]");
+    return &r->lists[hash % LISTS];
+}
+
+static const struct entry *find(struct entries_reader *r, const char *section,
                                 const char *key) {
-    for (int i = 0; i < r->count; i++)
-        if (same(r->entries[i].section, section) && same(r->entries[i].key, key))
-            return &r->entries[i];
+    int at = *list_of(r, section, key);
+    for (; at; at = r->entries[at - 1].next)
+        if (same(r->entries[at - 1].section, section) && same(r->entries[at - 1].key, key))
+            return &r->entries[at - 1];
     return NULL;
 }
 
@@ -53,8 +69,13 @@ static bool remember(struct entries_reader *r, const char *section, const char *
         fail(r->err, RESULT_LIMIT, "more than %d sections and keys", ENTRIES_MAX);
         return refuse(r);
     }
+    if ((r->count & (r->count - 1)) == 0)
+        r->entries =
+            alloc_resize(r->entries, r->count ? 2 * (size_t)r->count : 1, sizeof *r->entries);
+    int *list = list_of(r, section, key);
     r->entries[r->count++] =
-        (struct entry){alloc_text(section), key ? alloc_text(key) : NULL, r->line};
+        (struct entry){alloc_text(section), key ? alloc_text(key) : NULL, r->line, *list};
+    *list = r->count;
     return true;
 }
 
@@ -143,6 +164,7 @@ static enum result read_from(FILE *file, const char *path, entry_taker take, voi
         free(r->entries[i].section);
         free(r->entries[i].key);
     }
+    free(r->entries);
     free(r);
     return result;
 }

@@ -199,6 +199,7 @@ static enum result bench_feel(const struct bench_options *options, struct report
 struct rig {
     char dir[FOLDER_MAX], keys[128], case_dir[128], station_keys[128];
     struct sessions_config config;
+    struct session_station station;
     struct sessions *sessions;
     struct link *link;
     struct hand hand;
@@ -243,7 +244,7 @@ static void fill_config(struct rig *h) {
     snprintf(c->socket, sizeof c->socket, "%s/socket", h->dir);
     snprintf(c->cases[0].name, sizeof c->cases[0].name, "healthy");
     snprintf(c->cases[0].dir, sizeof c->cases[0].dir, "%s", h->case_dir);
-    c->stations[0].optic = view_optic_usual();
+    c->stations = &h->station;
     c->stations[0].optic = view_optic_usual();
     snprintf(c->stations[0].name, sizeof c->stations[0].name, STATION);
     snprintf(c->stations[0].case_name, sizeof c->stations[0].case_name, "healthy");

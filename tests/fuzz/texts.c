@@ -14,16 +14,20 @@
 #include <stdio.h>
 #include <string.h>
 
-static void server_config(const char *path) {
-    static struct server_config config;
-    if (config_load(path, NULL, 0, &config, NULL) != RESULT_OK)
-        return;
-    const struct sessions_config *s = &config.sessions;
+static void check_server_config(const struct server_config *config) {
+    const struct sessions_config *s = &config->sessions;
     CHECK(s->port >= 1 && s->port <= 65535 && s->case_count <= SESSIONS_CASES_MAX);
     for (int i = 0; i < s->station_count; i++)
         CHECK(sessions_find_case(s, s->stations[i].case_name) >= 0);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         CHECK(instrument_body_is_valid(&s->settings.bodies[i]));
+}
+
+static void server_config(const char *path) {
+    static struct server_config config;
+    if (config_load(path, NULL, 0, &config, NULL) == RESULT_OK)
+        check_server_config(&config);
+    config_fini(&config);
 }
 
 static void station_config(const char *path) {

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "sim/disk.h"
+#include "sim/net.h"
 #include "sim/report.h"
 #include "sim/streams.h"
 #include "sim/watch.h"
@@ -17,6 +18,7 @@ static struct {
     struct sim_process process, second;
     struct sim_thread *main, *instructor;
     struct sessions_config config;
+    struct session_station stations[SIM_STATIONS_MAX];
     struct sessions *sessions;
     atomic_bool cancelled;
     bool ends, hands_over, freely;
@@ -141,6 +143,8 @@ static void configure(const char *dir, int stations) {
     c->settings = session_settings_default();
     if (random_bits(&hall.random) % 8) // the cheapest warp: these runs are not about it
         c->settings.field = field_default(FIELD_INVERSE_DISTANCE), c->settings.avatar = AVATAR_TIP;
+    c->stations = hall.stations;
+    CHECK(stations <= SIM_STATIONS_MAX);
     snprintf(c->keys_dir, sizeof c->keys_dir, "%s/keys", dir);
     snprintf(c->traces_dir, sizeof c->traces_dir, "%s/traces", dir);
     snprintf(c->records, sizeof c->records, "%s/records.db", dir);

@@ -32,6 +32,8 @@ bool control_send_mesh(struct control *control, struct control_peer peer,
 
 // ---- the test -----------------------------------------------------------------------------------
 
+static const struct runtime_station room = {.name = "room-1"};
+static struct station_runtime stations[2];
 static struct runtime runtime;
 static struct control *no_control;
 
@@ -45,9 +47,11 @@ static void open_worker(struct worker *worker, struct session_runtime *session) 
     assert_int_equal(scene_create(&knee, &scene, NULL), RESULT_OK);
     runtime.config.notify = ignore;
     runtime.config.control = &no_control;
-    runtime.config.stations[0].name = "room-1";
-    runtime.stations[0].config = &runtime.config.stations[0];
-    pthread_mutex_init(&runtime.stations[0].tissues_lock, NULL);
+    runtime.config.station_count = 2;
+    runtime.worker_count = 1;
+    runtime.stations = stations;
+    stations[0].config = &room;
+    pthread_mutex_init(&stations[0].tissues_lock, NULL);
     *worker =
         (struct worker){.runtime = &runtime, .wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)};
     *session = (struct session_runtime){
@@ -75,12 +79,20 @@ static void close_worker(struct worker *worker, struct session_runtime *session)
 }
 
 static int take_done(struct cut_worker *cut_worker) {
-    int station, count = 0;
+    int index, count = 0;
     uint64_t serial;
     struct job_result *result;
-    for (; cut_worker_take(cut_worker, &station, &serial, &result); count++)
+    for (; cut_worker_take(cut_worker, &index, &serial, &result); count++)
         cut_worker_release_result(cut_worker, result);
     return count;
+}
+
+// At most ON_THEIR_WAY of them are.
+static const struct job *a_restore(uint64_t id) {
+    static struct job jobs[ON_THEIR_WAY];
+    struct job *job = &jobs[id % ON_THEIR_WAY];
+    *job = (struct job){.id = id, .kind = JOB_RESTORE};
+    return job;
 }
 
 static void a_station_is_heard_while_there_is_always_something_to_cut(void **state) {
@@ -92,8 +104,7 @@ static void a_station_is_heard_while_there_is_always_something_to_cut(void **sta
     open_worker(&worker, &session);
     while (!atomic_load(&figures_sent) && done < JOBS_MAX) {
         for (; asked_for < done + ON_THEIR_WAY; asked_for++) {
-            struct job job = {.id = asked_for + 1, .kind = JOB_RESTORE};
-            cut_worker_run(worker.cut_worker, 0, session.serial, &job);
+            cut_worker_run(worker.cut_worker, 0, session.serial, a_restore(asked_for + 1));
             if (asked_for == ON_THEIR_WAY / 2)
                 cut_worker_message(worker.cut_worker, 0, (struct control_peer){0}, &ask);
         }
@@ -110,10 +121,8 @@ static void wait_for(const atomic_int *count, int least) {
 }
 
 static void keep_busy(struct worker *worker, uint64_t session, uint64_t *jobs) {
-    for (int i = 0; i < ON_THEIR_WAY; i++) {
-        struct job job = {.id = ++*jobs, .kind = JOB_RESTORE};
-        cut_worker_run(worker->cut_worker, 0, session, &job);
-    }
+    for (int i = 0; i < ON_THEIR_WAY; i++)
+        cut_worker_run(worker->cut_worker, 0, session, a_restore(++*jobs));
 }
 
 // A station that says more than the cut worker takes meanwhile, and one that is gone behind it.

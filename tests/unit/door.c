@@ -10,6 +10,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#define STATIONS 64
 #define CONNECTIONS_MAX 4096
 #define BEGIN_NS (1000 * NS_PER_S)
 
@@ -31,7 +32,7 @@ static int set_up(void **state) {
     memset(connections, 0, sizeof connections);
     connection_count = 0;
     now_ns = BEGIN_NS;
-    door = door_create(DOOR_PLACES_MAX, on_shut);
+    door = door_create(STATIONS, door_places(STATIONS), on_shut);
     return 0;
 }
 
@@ -148,7 +149,7 @@ static void places_that_are_being_left_are_counted_until_they_are_empty(void **s
     int let_in = 0;
     for (int i = 0; i < 600; i++)
         let_in += come(i % 300) != NULL; // nobody leaves
-    assert_int_equal(let_in, DOOR_PLACES_MAX);
+    assert_int_equal(let_in, door_places(STATIONS));
     settle();
     assert_non_null(come(1));
 }
@@ -157,7 +158,7 @@ static void with_few_places_strangers_leave_room_for_stations(void **state) {
     (void)state;
     int stations = 0;
     door_destroy(&door);
-    door = door_create(8, on_shut);
+    door = door_create(STATIONS, 8, on_shut);
     for (int i = 0; i < 6; i++) {
         char serial[8];
         struct connection *c = come(1);

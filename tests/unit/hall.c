@@ -40,6 +40,7 @@ int hall_remove(void **state) {
 
 struct sessions *hall_open(void) {
     static struct sessions_config config;
+    static struct session_station stations[1];
     static const atomic_bool cancelled;
     struct sessions *sessions;
     struct error err;
@@ -54,6 +55,7 @@ struct sessions *hall_open(void) {
         snprintf(config.cases[i].name, sizeof config.cases[i].name, "boxes%d", i);
         snprintf(config.cases[i].dir, sizeof config.cases[i].dir, "%s/case", hall_dir);
     }
+    config.stations = stations;
     config.stations[0].optic = (struct view_optic){.tilt_deg = 70, .field_deg = 105};
     snprintf(config.stations[0].name, sizeof config.stations[0].name, "room-1");
     snprintf(config.stations[0].case_name, sizeof config.stations[0].case_name, "boxes0");
@@ -68,7 +70,7 @@ void hall_wait_ms(long ms) {
 
 // ---- a station that is not there: what is sent to it goes nowhere -------------------------------
 
-static const struct control_peer nobody = {CONTROL_PEERS_MAX - 1, UINT32_MAX};
+static const struct control_peer nobody = {1, UINT32_MAX};
 
 arthron_Welcome hall_connect(struct sessions *sessions, uint64_t connection) {
     struct control_handler station = station_handler(sessions);

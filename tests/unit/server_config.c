@@ -1,9 +1,11 @@
 // The server's config: where browsers are served, and what is said of a wrong entry.
+#include "base/check.h"
 #include "config/config.h"
 #include "folder.h"
 #include "test.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define SERVER "[server]\naddress = 10.0.0.1\nkeys = keys\ntraces = traces\nsocket = s\n"
@@ -21,6 +23,7 @@ static int begin(void **state) {
 
 static int end(void **state) {
     (void)state;
+    config_fini(&config);
     folder_remove(dir);
     return 0;
 }
@@ -32,6 +35,7 @@ static enum result load(const char *text) {
     fputs(text, file);
     fclose(file);
     err.text[0] = '\0';
+    config_fini(&config);
     return config_load(path, NULL, 0, &config, &err);
 }
 
@@ -190,8 +194,34 @@ static void eight_names_are_kept_whole(void **state) {
     assert_int_not_equal(load(text), RESULT_OK);
 }
 
+// The config of so many stations; the caller frees it.
+static char *with_stations(int count) {
+    char *text = alloc((size_t)count + 10, 64);
+    size_t used = (size_t)sprintf(text, SERVER "[case knee]\ndir = .\n");
+    for (int i = 0; i < count; i++)
+        used += (size_t)sprintf(text + used, "[station room-%d]\ncase = knee\n", i);
+    return text;
+}
+
+static void a_server_has_thousands_of_stations_and_says_when_they_are_too_many(void **state) {
+    (void)state;
+    char *most = with_stations(STATIONS_MAX), *more = with_stations(STATIONS_MAX + 1);
+    if (load(most) != RESULT_OK)
+        fail_msg("%s", err.text);
+    assert_int_equal(config.sessions.station_count, STATIONS_MAX);
+    assert_string_equal(config.sessions.stations[0].name, "room-0");
+    assert_string_equal(config.sessions.stations[4095].name, "room-4095");
+    assert_true(config.sessions.stations[77].optic.field_deg > 0);
+    assert_int_equal(load(more), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "at most 4096 stations"));
+    free(most);
+    free(more);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(
+            a_server_has_thousands_of_stations_and_says_when_they_are_too_many, begin, end),
         cmocka_unit_test_setup_teardown(browsers_are_served_where_somebody_says_so, begin, end),
         cmocka_unit_test_setup_teardown(all_of_it_can_be_said, begin, end),
         cmocka_unit_test_setup_teardown(what_cannot_be_is_named, begin, end),

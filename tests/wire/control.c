@@ -630,6 +630,7 @@ static void a_port_that_is_taken_is_named(void **state) {
     struct control_handler handler = {0};
     struct control_config config = {.address = "127.0.0.1",
                                     .port = test_server.port,
+                                    .stations = 1,
                                     .authority_dir = test_server.keys,
                                     .software = "second",
                                     .hello_timeout_ns = NS_PER_S};

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #define QUIET_MS 20 // a datagram on loopback is there at once
+#define PLACES 8
 
 // ---- a station ----------------------------------------------------------------------------------
 
@@ -111,7 +112,7 @@ static uint64_t hear_reply(struct station *s) {
 static struct datagram_endpoint *open_endpoint(void) {
     struct datagram_endpoint *endpoint = NULL;
     struct error err = {""};
-    assert_int_equal(datagram_create("127.0.0.1", 0, &endpoint, &err), RESULT_OK);
+    assert_int_equal(datagram_create("127.0.0.1", 0, PLACES, &endpoint, &err), RESULT_OK);
     return endpoint;
 }
 
@@ -206,7 +207,7 @@ static void a_port_in_use_is_named(void **state) {
     struct error err = {""};
     char port[16];
     snprintf(port, sizeof port, "%d", datagram_port(endpoint));
-    assert_int_equal(datagram_create("127.0.0.1", datagram_port(endpoint), &second, &err),
+    assert_int_equal(datagram_create("127.0.0.1", datagram_port(endpoint), PLACES, &second, &err),
                      RESULT_IO);
     assert_non_null(strstr(err.text, port));
     assert_non_null(strstr(err.text, "127.0.0.1"));
@@ -216,7 +217,7 @@ static void a_port_in_use_is_named(void **state) {
 static void an_endpoint_on_all_addresses_answers_ipv4(void **state) {
     (void)state;
     struct datagram_endpoint *endpoint = NULL;
-    assert_int_equal(datagram_create(NULL, 0, &endpoint, NULL), RESULT_OK);
+    assert_int_equal(datagram_create(NULL, 0, PLACES, &endpoint, NULL), RESULT_OK);
     struct station s = open_station(endpoint, 1);
     assert_true(passes(endpoint, &s, 1));
     close_station(&s);
@@ -351,8 +352,8 @@ static void a_reply_gives_up_its_counts_before_it_is_too_long(void **state) {
     uint8_t message[WIRE_DATAGRAM_MAX];
     size_t without, with;
     for (int i = 0; i < WIRE_REPLY_LOOSE; i++)
-        reply.loose[i] = (arthron_CarriedLoose){
-            .number = (uint8_t)(i + 1), .state = arthron_LooseMoment_State_OUT};
+        reply.loose[i] = (arthron_CarriedLoose){.number = (uint8_t)(i + 1),
+                                                .state = arthron_LooseMoment_State_OUT};
     reply.loose_count = 1;
     wire_encode_reply(&reply, message, sizeof message, &without);
     reply.loose_count = WIRE_REPLY_LOOSE;

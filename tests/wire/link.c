@@ -369,7 +369,7 @@ static void *respond(void *argument) {
 static void responder_open(struct responder *r) {
     struct error err;
     *r = (struct responder){.lock = PTHREAD_MUTEX_INITIALIZER};
-    if (datagram_create("127.0.0.1", 0, &r->endpoint, &err) != RESULT_OK)
+    if (datagram_create("127.0.0.1", 0, 1, &r->endpoint, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     datagram_new_epoch(r->endpoint, 77, NULL, clock_now_ns(), &r->keys);
     test_server.keys_at_hello = &r->keys;

@@ -96,6 +96,7 @@ void test_server_start(struct test_server *d) {
     struct control_config config = {
         .address = "127.0.0.1",
         .port = d->port,
+        .stations = TEST_SERVER_STATIONS,
         .authority_dir = d->keys,
         .software = "test_server",
         .hello_timeout_ns = d->hello_timeout_ns ? d->hello_timeout_ns : 5 * NS_PER_S,

@@ -9,6 +9,8 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
+#define TEST_SERVER_STATIONS 8
+
 struct test_server {
     char dir[FOLDER_MAX];       // temporary; dir/keys is the authority's
     char keys[FOLDER_MAX + 16]; // folder of the authority

@@ -78,6 +78,11 @@ double match_volume(const struct match *match) {
     return surface_volume(match->surface, match->positions);
 }
 
+vec3 match_surface_vertex(const struct match_surface *surface, uint32_t vertex) {
+    CHECK(vertex < surface->vertex_count);
+    return surface->start[vertex];
+}
+
 vec3 match_vertex(const struct match *match, uint32_t vertex) {
     CHECK(vertex < match->surface->vertex_count);
     return match->positions[vertex];

@@ -23,7 +23,8 @@ struct match_surface *match_surface_create(const struct mesh *mesh, const float 
                                            const float *maxcut);
 void match_surface_destroy(struct match_surface **surface);       // NULL inside is fine
 double match_surface_volume(const struct match_surface *surface); // inside S'
-double match_surface_least(const struct match_surface *surface);  // inside S'_max
+vec3 match_surface_vertex(const struct match_surface *surface, uint32_t vertex); // S'
+double match_surface_least(const struct match_surface *surface);                 // inside S'_max
 
 // The blends of one session. The surface must outlive it.
 struct match;

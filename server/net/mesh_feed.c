@@ -15,6 +15,7 @@ struct kept_change {
 
 struct mesh_feed {
     char group[MESH_GROUP_MAX];
+    const struct mesh_feed *start; // has the tissue until a change; NULL: it is here
     struct tissue tissue;
     struct mesh_payload *whole; // of the tissue as it is; NULL: not made yet
     size_t whole_size;          // of the last one made
@@ -92,6 +93,16 @@ enum result mesh_feed_create(const char *group, const struct mesh_delta *whole,
     return result;
 }
 
+struct mesh_feed *mesh_feed_share(const struct mesh_feed *start) {
+    struct mesh_feed *feed = alloc(1, sizeof *feed);
+    CHECK(!start->start && start->whole);
+    memcpy(feed->group, start->group, sizeof feed->group);
+    feed->start = start;
+    feed->whole = mesh_payload_hold(start->whole);
+    feed->whole_size = start->whole_size;
+    return feed;
+}
+
 void mesh_feed_destroy(struct mesh_feed **feed) {
     if (!*feed)
         return;
@@ -106,6 +117,9 @@ void mesh_feed_destroy(struct mesh_feed **feed) {
 enum result mesh_feed_push(struct mesh_feed *feed, const struct mesh_delta *change,
                            struct error *err) {
     struct mesh_delta next = *change;
+    if (feed->start)
+        tissue_copy(&feed->tissue, &feed->start->tissue);
+    feed->start = NULL;
     uint64_t base_hash = feed->tissue.hash;
     next.base = feed->tissue.number;
     next.number = next.base + 1;
@@ -121,7 +135,7 @@ enum result mesh_feed_push(struct mesh_feed *feed, const struct mesh_delta *chan
 }
 
 const struct tissue *mesh_feed_tissue(const struct mesh_feed *feed) {
-    return &feed->tissue;
+    return feed->start ? &feed->start->tissue : &feed->tissue;
 }
 
 // ---- what a station lacks -----------------------------------------------------------------------
@@ -141,7 +155,8 @@ void mesh_cursor_ack(struct mesh_cursor *cursor, const arthron_MeshState *ack) {
 }
 
 static bool has_all(const struct mesh_feed *feed, const struct mesh_cursor *cursor) {
-    return cursor->number == feed->tissue.number && cursor->hash == feed->tissue.hash;
+    const struct tissue *tissue = mesh_feed_tissue(feed);
+    return cursor->number == tissue->number && cursor->hash == tissue->hash;
 }
 
 // The kept changes from `first` on, one behind the other.
@@ -149,7 +164,7 @@ static struct mesh_payload *changes_from(const struct mesh_feed *feed, uint32_t 
     size_t size = 0, used = 0;
     for (uint32_t i = first; i < feed->kept_count; i++)
         size += feed->kept[i].size;
-    uint32_t number = feed->tissue.number;
+    uint32_t number = mesh_feed_tissue(feed)->number;
     struct mesh_payload *payload =
         mesh_payload_create(feed->group, number - (feed->kept_count - first), number, size);
     for (uint32_t i = first; i < feed->kept_count; i++) {
@@ -163,7 +178,8 @@ static struct mesh_payload *changes_from(const struct mesh_feed *feed, uint32_t 
 // The changes behind what the station has; NULL where they are not kept, or it has another mesh.
 static struct mesh_payload *lacking_changes(const struct mesh_feed *feed,
                                             const struct mesh_cursor *cursor) {
-    uint32_t oldest = feed->tissue.number - feed->kept_count; // the base of the first one kept
+    uint32_t oldest =
+        mesh_feed_tissue(feed)->number - feed->kept_count; // the base of the first one kept
     uint32_t first = cursor->number - oldest;
     if (cursor->number < oldest || first >= feed->kept_count ||
         feed->kept[first].base_hash != cursor->hash)
@@ -174,7 +190,7 @@ static struct mesh_payload *lacking_changes(const struct mesh_feed *feed,
 struct mesh_payload *mesh_feed_next(struct mesh_feed *feed, struct mesh_cursor *cursor) {
     if (!cursor->asked || cursor->sent || has_all(feed, cursor))
         return NULL;
-    cursor->sent = feed->tissue.number;
+    cursor->sent = mesh_feed_tissue(feed)->number;
     struct mesh_payload *changes = lacking_changes(feed, cursor);
     if (changes)
         return changes;

@@ -18,6 +18,9 @@ struct mesh_feed;
 // feed.
 enum result mesh_feed_create(const char *group, const struct mesh_delta *whole,
                              struct mesh_feed **out_feed, struct error *err);
+// A feed that begins with the mesh of another one, which must not change and must outlive it. It
+// costs nothing to speak of until its first change.
+struct mesh_feed *mesh_feed_share(const struct mesh_feed *start);
 void mesh_feed_destroy(struct mesh_feed **feed); // payloads live on; NULL inside is fine
 
 // The mesh has changed, and gets the next number. Reads freed, vertices, made and pieces of

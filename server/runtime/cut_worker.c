@@ -58,6 +58,7 @@ struct cut_worker {
     struct ring *mesh_requests; // of struct mesh_request
     struct ring *done;          // of struct job_done, to the worker
     struct ring *notices;       // of struct runtime_notice, to the owner of the sessions
+    struct mesh_starts starts;
     int count;
     struct cut_station *stations; // by their place
     pthread_mutex_t said_lock;    // held for a copy
@@ -98,7 +99,7 @@ static void notify(struct cut_worker *c, const struct runtime_notice *notice) {
 static void open_session(struct cut_worker *c, const struct cut_task *task) {
     struct cut_station *own = cut_station(c, task->station);
     own->session = task->session;
-    mesh_sender_open(&own->sender, *c->worker->runtime->config.control, task->session);
+    mesh_sender_open(&own->sender, *c->worker->runtime->config.control, task->session, &c->starts);
     publish_tissues(c, task->station);
     notify(c, &(struct runtime_notice){.kind = NOTICE_OPENED,
                                        .station = task->station,
@@ -136,6 +137,7 @@ static void run(struct cut_worker *c, const struct cut_task *task) {
     struct session_runtime *session = cut_station(c, task->station)->session;
     CHECK(session && session->serial == task->serial);
     struct job_result *result = operation_run(session->operation, task->job);
+    session_make_room(session->session, result);
     bool is_undo = result->kind == JOB_UNDO;
     if (!is_undo)
         hand_over_result(c, task, result);
@@ -314,6 +316,7 @@ void cut_worker_destroy(struct cut_worker **cut_worker) {
         mesh_sender_fini(&c->stations[i].sender);
         mesh_inbox_fini(&c->stations[i].inbox);
     }
+    mesh_starts_fini(&c->starts);
     pthread_mutex_destroy(&c->said_lock);
     free(c->stations);
     free(c->said);

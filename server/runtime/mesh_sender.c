@@ -48,18 +48,31 @@ static void drop_feed(struct mesh_sender *s, int tissue, const struct error *err
     mesh_feed_destroy(&s->feeds[tissue]);
 }
 
+// Of a resumed session.
+static void feed_changed(struct mesh_sender *s, int tissue) {
+    const struct operation *operation = s->session->operation;
+    struct mesh_delta whole;
+    struct error err;
+    tissue_delta_whole(operation_mesh(operation, tissue), &whole);
+    whole.number = operation_figures(operation, tissue)->mesh_number;
+    if (mesh_feed_create(group_name(s->session, tissue), &whole, &s->feeds[tissue], &err) !=
+        RESULT_OK)
+        drop_feed(s, tissue, &err);
+    mesh_delta_fini(&whole);
+}
+
 void mesh_sender_open(struct mesh_sender *s, struct control *control,
-                      const struct session_runtime *session) {
+                      const struct session_runtime *session, struct mesh_starts *starts) {
     s->control = control;
     s->session = session;
     for (int i = 0; i < scene_tissue_count(session->scene); i++) {
-        struct mesh_delta whole;
-        struct error err;
-        tissue_delta_whole(operation_mesh(session->operation, i), &whole);
-        whole.number = operation_figures(session->operation, i)->mesh_number;
-        if (mesh_feed_create(group_name(session, i), &whole, &s->feeds[i], &err) != RESULT_OK)
-            drop_feed(s, i, &err);
-        mesh_delta_fini(&whole);
+        if (operation_figures(session->operation, i)->mesh_number > 1) {
+            feed_changed(s, i);
+            continue;
+        }
+        const struct mesh_feed *start = mesh_starts_of(starts, session->scene, i);
+        if (start)
+            s->feeds[i] = mesh_feed_share(start);
     }
 }
 

@@ -4,6 +4,7 @@
 
 #include "net/control.h"
 #include "runtime/mesh_inbox.h"
+#include "runtime/mesh_starts.h"
 #include "runtime/mesh_subscribers.h"
 #include "runtime/types.h"
 
@@ -18,7 +19,7 @@ struct mesh_sender {
 };
 
 void mesh_sender_open(struct mesh_sender *sender, struct control *control,
-                      const struct session_runtime *session);
+                      const struct session_runtime *session, struct mesh_starts *starts);
 void mesh_sender_close(struct mesh_sender *sender);
 void mesh_sender_fini(struct mesh_sender *sender);
 

@@ -6,44 +6,92 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct easing {
-    const struct case_group *group;
+// What one session has of its own, once a job has changed the touch.
+struct easing_room {
     float *displacement;
     struct surface_mean *mean;
     struct surface_integral *integral;
     float *aimed;                   // the displacement when all is eased in; NULL without integral
     struct surface_integral *whole; // of it
-    const struct query *query;
-    int width;            // numbers for each vertex, as in struct touch_change
-    double *now, *target; // of all vertices
-    uint32_t *pending;    // vertices that are not yet at the target
+    double *now, *target;           // of all vertices
+    uint32_t *pending;              // vertices that are not yet at the target
     bool *is_pending;
     uint32_t pending_count;
 };
 
+struct easing {
+    const struct scene *scene;
+    int index; // of the group
+    const struct case_group *group;
+    enum field_kind kind;
+    const struct query *query;
+    int width;                // numbers for each vertex, as in struct touch_change
+    struct easing_room *room; // the session's; NULL: all is as in the scene
+    struct easing_room *made; // for it, by the thread that runs the jobs
+};
+
+// ---- memory of its own --------------------------------------------------------------------------
+
+static struct easing_room *make(const struct easing *e) {
+    size_t count = e->group->mesh.vertex_count;
+    struct easing_room *r = alloc(1, sizeof *r);
+    r->displacement = alloc(3 * count, sizeof *r->displacement);
+    r->now = alloc((size_t)e->width * count, sizeof *r->now);
+    r->target = alloc((size_t)e->width * count, sizeof *r->target);
+    r->pending = alloc(count, sizeof *r->pending);
+    r->is_pending = alloc(count, sizeof *r->is_pending);
+    if (e->group->warp)
+        memcpy(r->displacement, e->group->warp, 3 * count * sizeof *r->displacement);
+    if (e->kind == FIELD_SMOOTH && !e->group->bridges)
+        r->mean = surface_mean_create(e->scene->trees[e->index], r->displacement);
+    if (e->kind == FIELD_INTEGRAL && !e->group->bridges) {
+        r->aimed = alloc(3 * count, sizeof *r->aimed);
+        memcpy(r->aimed, r->displacement, 3 * count * sizeof *r->aimed);
+        r->integral = surface_integral_create(e->scene->blocks[e->index], r->displacement);
+        r->whole = surface_integral_create(e->scene->blocks[e->index], r->aimed);
+    }
+    return r;
+}
+
+static void destroy(struct easing_room *r) {
+    if (!r)
+        return;
+    surface_mean_destroy(&r->mean);
+    surface_integral_destroy(&r->integral);
+    surface_integral_destroy(&r->whole);
+    free(r->aimed);
+    free(r->displacement);
+    free(r->now);
+    free(r->target);
+    free(r->pending);
+    free(r->is_pending);
+    free(r);
+}
+
+void easing_make_room(struct easing *e) {
+    if (!e->room && !e->made)
+        e->made = make(e);
+}
+
+static struct easing_room *room_of(struct easing *e) {
+    if (!e->room)
+        e->room = e->made ? e->made : make(e);
+    e->made = NULL;
+    return e->room;
+}
+
+// Without S' there is nothing in the scene that a session could share.
 struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field,
                              int rules) {
-    int index = scene->tissues[tissue].group;
-    const struct case_group *group = &scene->knee->groups[index];
-    size_t count = group->mesh.vertex_count;
     struct easing *e = alloc(1, sizeof *e);
-    e->group = group;
-    e->displacement = alloc(3 * count, sizeof *e->displacement);
+    e->scene = scene;
+    e->index = scene->tissues[tissue].group;
+    e->group = &scene->knee->groups[e->index];
+    e->kind = field->kind;
+    e->query = scene->queries[e->index];
     e->width = rules >= RULES_TOUCH_FITTED ? 3 : 1;
-    e->now = alloc((size_t)e->width * count, sizeof *e->now);
-    e->target = alloc((size_t)e->width * count, sizeof *e->target);
-    e->pending = alloc(count, sizeof *e->pending);
-    e->is_pending = alloc(count, sizeof *e->is_pending);
-    easing_restore(e);
-    if (field->kind == FIELD_SMOOTH && !group->bridges)
-        e->mean = surface_mean_create(scene->trees[index], e->displacement);
-    e->query = scene->queries[index];
-    if (field->kind == FIELD_INTEGRAL && !group->bridges) {
-        e->aimed = alloc(3 * count, sizeof *e->aimed);
-        memcpy(e->aimed, e->displacement, 3 * count * sizeof *e->aimed);
-        e->integral = surface_integral_create(scene->blocks[index], e->displacement);
-        e->whole = surface_integral_create(scene->blocks[index], e->aimed);
-    }
+    if (!e->group->warp)
+        e->room = make(e);
     return e;
 }
 
@@ -51,67 +99,71 @@ void easing_destroy(struct easing **easing) {
     struct easing *e = *easing;
     if (!e)
         return;
-    surface_mean_destroy(&e->mean);
-    surface_integral_destroy(&e->integral);
-    surface_integral_destroy(&e->whole);
-    free(e->aimed);
-    free(e->displacement);
-    free(e->now);
-    free(e->target);
-    free(e->pending);
-    free(e->is_pending);
+    destroy(e->room);
+    destroy(e->made);
     free(e);
     *easing = NULL;
 }
 
-const float *easing_displacement(const struct easing *easing) {
-    return easing->displacement;
+// ---- what the warp reads ------------------------------------------------------------------------
+
+const float *easing_displacement(const struct easing *e) {
+    return e->room ? e->room->displacement : e->group->warp;
 }
 
-const struct surface_mean *easing_mean(const struct easing *easing) {
-    return easing->mean;
+const struct surface_mean *easing_mean(const struct easing *e) {
+    if (e->room)
+        return e->room->mean;
+    return e->kind == FIELD_SMOOTH && !e->group->bridges ? e->scene->means[e->index] : NULL;
 }
+
+const struct surface_integral *easing_integral(const struct easing *e) {
+    if (e->room)
+        return e->room->integral;
+    return e->kind == FIELD_INTEGRAL && !e->group->bridges ? e->scene->integrals[e->index] : NULL;
+}
+
+// ---- changes ------------------------------------------------------------------------------------
 
 static double *of(const struct easing *e, double *values, uint32_t vertex) {
     return values + (size_t)e->width * vertex;
 }
 
 static bool is_moved(const struct easing *e, uint32_t vertex) {
-    const double *now = of(e, e->now, vertex);
+    const double *now = of(e, e->room->now, vertex);
     for (int i = 0; i < e->width; i++)
         if (now[i] != 0)
             return true;
     return false;
 }
 
-const struct surface_integral *easing_integral(const struct easing *easing) {
-    return easing->integral;
-}
-
-static void update(struct easing *e, uint32_t changed) {
-    if (e->mean)
-        surface_mean_update(e->mean, e->pending, changed);
-    if (e->integral)
-        surface_integral_update(e->integral, e->pending, changed);
+static void update(struct easing_room *r, uint32_t changed) {
+    if (r->mean)
+        surface_mean_update(r->mean, r->pending, changed);
+    if (r->integral)
+        surface_integral_update(r->integral, r->pending, changed);
 }
 
 void easing_restore(struct easing *e) {
+    struct easing_room *r = e->room;
     size_t count = e->group->mesh.vertex_count;
     uint32_t changed = 0;
-    for (uint32_t v = 0; v < count; v++)
-        if (is_moved(e, v) || e->is_pending[v])
-            e->pending[changed++] = v;
-    memset(e->now, 0, (size_t)e->width * count * sizeof *e->now);
-    memset(e->target, 0, (size_t)e->width * count * sizeof *e->target);
-    memset(e->is_pending, 0, count * sizeof *e->is_pending);
-    e->pending_count = 0;
-    for (size_t i = 0; i < 3 * count; i++)
-        e->displacement[i] = e->group->warp ? e->group->warp[i] : 0;
-    update(e, changed);
-    if (!e->whole)
+    if (!r)
         return;
-    memcpy(e->aimed, e->displacement, 3 * count * sizeof *e->aimed);
-    surface_integral_update(e->whole, e->pending, changed);
+    for (uint32_t v = 0; v < count; v++)
+        if (is_moved(e, v) || r->is_pending[v])
+            r->pending[changed++] = v;
+    memset(r->now, 0, (size_t)e->width * count * sizeof *r->now);
+    memset(r->target, 0, (size_t)e->width * count * sizeof *r->target);
+    memset(r->is_pending, 0, count * sizeof *r->is_pending);
+    r->pending_count = 0;
+    for (size_t i = 0; i < 3 * count; i++)
+        r->displacement[i] = e->group->warp ? e->group->warp[i] : 0;
+    update(r, changed);
+    if (!r->whole)
+        return;
+    memcpy(r->aimed, r->displacement, 3 * count * sizeof *r->aimed);
+    surface_integral_update(r->whole, r->pending, changed);
 }
 
 static void displace(const struct easing *e, float *displacement, uint32_t vertex,
@@ -127,27 +179,30 @@ static void displace(const struct easing *e, float *displacement, uint32_t verte
 void easing_aim(struct easing *e, const struct touch_change *touch) {
     size_t size = (size_t)e->width * sizeof(double);
     CHECK(!touch->count || touch->width == e->width);
+    if (!touch->count)
+        return;
+    struct easing_room *r = room_of(e);
     for (uint32_t i = 0; i < touch->count; i++) {
         uint32_t vertex = touch->vertices[i];
         CHECK(vertex < e->group->mesh.vertex_count);
-        memcpy(of(e, e->target, vertex), touch->values + (size_t)e->width * i, size);
-        if (e->aimed)
-            displace(e, e->aimed, vertex, of(e, e->target, vertex));
-        if (e->is_pending[vertex] || !memcmp(of(e, e->now, vertex), of(e, e->target, vertex), size))
+        memcpy(of(e, r->target, vertex), touch->values + (size_t)e->width * i, size);
+        if (r->aimed)
+            displace(e, r->aimed, vertex, of(e, r->target, vertex));
+        if (r->is_pending[vertex] || !memcmp(of(e, r->now, vertex), of(e, r->target, vertex), size))
             continue;
-        e->pending[e->pending_count++] = vertex;
-        e->is_pending[vertex] = true;
+        r->pending[r->pending_count++] = vertex;
+        r->is_pending[vertex] = true;
     }
-    if (e->whole)
-        surface_integral_update(e->whole, touch->vertices, touch->count);
+    if (r->whole)
+        surface_integral_update(r->whole, touch->vertices, touch->count);
 }
 
 bool easing_active(const struct easing *easing) {
-    return easing->pending_count > 0;
+    return easing->room && easing->room->pending_count > 0;
 }
 
 static double rest_at(const struct easing *e, uint32_t vertex) {
-    const double *now = of(e, e->now, vertex), *target = of(e, e->target, vertex);
+    const double *now = of(e, e->room->now, vertex), *target = of(e, e->room->target, vertex);
     if (e->width == 3)
         return vec3_length((vec3){target[0] - now[0], target[1] - now[1], target[2] - now[2]});
     const float *to = e->group->maxcut + 3 * (size_t)vertex;
@@ -163,30 +218,32 @@ static double rest_of(const struct easing *e, const uint32_t *vertices, uint32_t
 }
 
 double easing_rest_mm(const struct easing *e, vec3 p, uint32_t triangle) {
+    const struct easing_room *r = e->room;
     struct closest c;
     struct surface_sight now, whole;
-    if (triangle == MESH_NONE)
+    if (triangle == MESH_NONE || !r)
         return 0;
-    if (e->mean)
-        return rest_of(e, e->pending, e->pending_count);
-    if (e->integral && query_closest(e->query, p, INFINITY, triangle, &c) &&
-        surface_integral_at(e->integral, p, c.point, &now) &&
-        surface_integral_at(e->whole, p, c.point, &whole))
+    if (r->mean)
+        return rest_of(e, r->pending, r->pending_count);
+    if (r->integral && query_closest(e->query, p, INFINITY, triangle, &c) &&
+        surface_integral_at(r->integral, p, c.point, &now) &&
+        surface_integral_at(r->whole, p, c.point, &whole))
         return vec3_distance(now.displacement, whole.displacement);
     return rest_of(e, e->group->mesh.triangles + 3 * (size_t)triangle, 3);
 }
 
 void easing_advance(struct easing *e, double share) {
-    for (uint32_t i = 0; i < e->pending_count; i++) {
-        uint32_t vertex = e->pending[i];
-        double *now = of(e, e->now, vertex);
-        const double *target = of(e, e->target, vertex);
+    struct easing_room *r = e->room;
+    for (uint32_t i = 0; i < r->pending_count; i++) {
+        uint32_t vertex = r->pending[i];
+        double *now = of(e, r->now, vertex);
+        const double *target = of(e, r->target, vertex);
         for (int k = 0; k < e->width; k++)
             now[k] = share < 1 ? now[k] + share * (target[k] - now[k]) : target[k];
-        displace(e, e->displacement, vertex, now);
-        e->is_pending[vertex] = share < 1;
+        displace(e, r->displacement, vertex, now);
+        r->is_pending[vertex] = share < 1;
     }
-    update(e, e->pending_count);
+    update(r, r->pending_count);
     if (share >= 1)
-        e->pending_count = 0;
+        r->pending_count = 0;
 }

@@ -39,24 +39,37 @@ struct operation *operation_create(const struct scene *scene, int rules,
         t->group = &scene->knee->groups[t->scene->group];
         t->rules = rules;
         t->instruments = &operation->instruments;
-        t->now = tissue_state_whole(t->scene, rules, 1);
-        if (t->scene->match && rules >= RULES_TOUCH_FITTED)
-            t->fitting =
-                fitting_create(t->scene->match, &t->group->mesh, rules >= RULES_TOUCH_LAID);
-        t->touch_before = alloc((size_t)operated_touch_width(t) * t->group->mesh.vertex_count,
-                                sizeof *t->touch_before);
+        t->now.figures = t->scene->whole;
+        t->now.figures.mesh_number = 1;
     }
     return operation;
+}
+
+// The tissue gets memory of its own, before a job.
+static void take_over(struct operated_tissue *t) {
+    if (t->now.mesh)
+        return;
+    t->now = tissue_state_whole(t->scene, t->rules, t->now.figures.mesh_number);
+    if (operated_touch_width(t) == 3)
+        t->fitting = fitting_create(t->scene->match, &t->group->mesh, t->rules >= RULES_TOUCH_LAID);
+    t->touch_before = alloc((size_t)operated_touch_width(t) * t->group->mesh.vertex_count,
+                            sizeof *t->touch_before);
+}
+
+// Once it is whole again.
+static void give_up(struct operated_tissue *t) {
+    tissue_state_release(&t->now);
+    fitting_destroy(&t->fitting);
+    free(t->touch_before);
+    t->touch_before = NULL;
 }
 
 void operation_destroy(struct operation **operation) {
     if (!*operation)
         return;
     for (int i = 0; i < (*operation)->count; i++) {
-        tissue_state_release(&(*operation)->tissues[i].now);
         forget_cuts(&(*operation)->tissues[i]);
-        fitting_destroy(&(*operation)->tissues[i].fitting);
-        free((*operation)->tissues[i].touch_before);
+        give_up(&(*operation)->tissues[i]);
     }
     free(*operation);
     *operation = NULL;
@@ -65,6 +78,10 @@ void operation_destroy(struct operation **operation) {
 // ---- the touch ----------------------------------------------------------------------------------
 
 static void touch_of(const struct operated_tissue *t, uint32_t vertex, double out_values[3]) {
+    if (!t->now.mesh) {
+        memset(out_values, 0, (size_t)operated_touch_width(t) * sizeof *out_values);
+        return;
+    }
     if (t->now.match) {
         out_values[0] = match_blends(t->now.match)[vertex];
         return;
@@ -346,6 +363,15 @@ static void cut(struct operation *operation, struct operated_tissue *t, const st
         fit(t, was_solid && !t->now.solid ? 0 : since, result); // 0: tears are new to it
 }
 
+static void run_on(struct operation *operation, struct operated_tissue *t, const struct job *job,
+                   struct job_result *result) {
+    take_over(t);
+    if (job->kind == JOB_RESTORE)
+        restore(t, result);
+    else
+        cut(operation, t, job, result);
+}
+
 struct job_result *operation_run(struct operation *operation, const struct job *job) {
     CHECK(job->tissue >= 0 && job->tissue < operation->count);
     CHECK(job->kind != JOB_CUT || (job->move_count >= 1 && job->move_count <= JOB_MOVES_MAX));
@@ -355,14 +381,14 @@ struct job_result *operation_run(struct operation *operation, const struct job *
     result->tissue = job->tissue;
     if (job->kind == JOB_UNDO)
         undo(operation, result);
-    else if (job->kind == JOB_RESTORE)
-        restore(&operation->tissues[job->tissue], result);
     else
-        cut(operation, &operation->tissues[job->tissue], job, result);
-    const struct operated_tissue *t = &operation->tissues[result->tissue];
+        run_on(operation, &operation->tissues[job->tissue], job, result);
+    struct operated_tissue *t = &operation->tissues[result->tissue];
     result->figures = t->now.figures;
     if (job->kind != JOB_CUT || job->move_count == 1) // else it has a hash of its moves
-        result->hash = hash_of(t->now.mesh, result);
+        result->hash = hash_of(operated_mesh(t), result);
+    if (job->kind == JOB_RESTORE)
+        give_up(t);
     result->touch_hash = touch_hash(&result->touch);
     return result;
 }
@@ -428,7 +454,7 @@ double operation_take_touch(struct operation *operation, struct job_result *resu
 // ---- what there is ------------------------------------------------------------------------------
 
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue) {
-    return operation->tissues[tissue].now.mesh;
+    return operated_mesh(&operation->tissues[tissue]);
 }
 
 int operation_touch_width(const struct operation *operation, int tissue) {
@@ -438,6 +464,10 @@ int operation_touch_width(const struct operation *operation, int tissue) {
 void operation_touch(const struct operation *operation, int tissue, uint32_t vertex,
                      double out_values[3]) {
     touch_of(&operation->tissues[tissue], vertex, out_values);
+}
+
+bool operation_is_whole(const struct operation *operation, int tissue) {
+    return !operation->tissues[tissue].now.mesh;
 }
 
 vec3 operation_touched(const struct operation *operation, int tissue, uint32_t vertex) {

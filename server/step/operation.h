@@ -33,6 +33,8 @@ bool operation_allows_touch(const struct operation *operation, const struct job_
 double operation_take_touch(struct operation *operation, struct job_result *result,
                             const struct touch_change *touch);
 
+// Until a job comes, and after it was restored: the tissue is the scene's own.
+bool operation_is_whole(const struct operation *operation, int tissue);
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue);
 // The touched surface: 0 where the group has no S'_max and never gives way; else the width of a
 // touch_change, the values of a vertex, and the vertex in S''.

@@ -9,6 +9,8 @@
 #define COLUMN_MM 0.25
 
 vec3 operated_touched(const struct operated_tissue *t, uint32_t vertex) {
+    if (!t->now.mesh)
+        return match_surface_vertex(t->scene->match, vertex);
     return t->fitting ? fitting_vertex(t->fitting, vertex) : match_vertex(t->now.match, vertex);
 }
 
@@ -40,16 +42,17 @@ void operated_measure_mismatch(struct operated_tissue *t) {
 void operation_mismatch(const struct operation *operation, int tissue, double *out_mm) {
     const struct operated_tissue *t = &operation->tissues[tissue];
     const struct case_region *tear = &t->group->lesion.tear;
-    bool closed = !t->fitting || t->now.solid;
+    bool closed =
+        operated_touch_width(t) != 3 || (t->now.mesh ? !!t->now.solid : !!t->scene->solid);
     struct mesh touched, seen;
     uint32_t *ids;
     touched_mesh(t, &touched);
-    cut_mesh_flatten(t->now.mesh, &seen, &ids, NULL);
+    cut_mesh_flatten(operated_mesh(t), &seen, &ids, NULL);
     struct mismatch_setting setting = {&touched, &seen, tear->parts, closed ? tear->part_count : 0,
                                        COLUMN_MM};
     double *mm = alloc(seen.vertex_count, sizeof *mm);
     mismatch_at_vertices(&setting, ids, mm);
-    memset(out_mm, 0, cut_mesh_vertex_bound(t->now.mesh) * sizeof *out_mm);
+    memset(out_mm, 0, cut_mesh_vertex_bound(operated_mesh(t)) * sizeof *out_mm);
     for (uint32_t v = 0; v < seen.vertex_count; v++)
         out_mm[ids[v]] = mm[v];
     free(mm);

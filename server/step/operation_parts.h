@@ -3,6 +3,7 @@
 
 #include "step/fitting.h"
 #include "step/operation.h"
+#include "step/settings.h"
 #include "step/tissue_state.h"
 
 #define CHECKPOINTS_MAX 2
@@ -21,6 +22,7 @@ struct checkpoint {
     struct tissue_state state;
 };
 
+// Until a job comes, the tissue is the scene's: `now` has figures alone, and there is no fitting.
 struct operated_tissue {
     const struct scene_tissue *scene;
     const struct case_group *group;
@@ -44,7 +46,11 @@ struct operation {
 
 // Numbers for each vertex, as in struct touch_change; 0: the tissue never gives way.
 static inline int operated_touch_width(const struct operated_tissue *t) {
-    return t->fitting ? 3 : t->now.match ? 1 : 0;
+    return !t->scene->match ? 0 : t->rules >= RULES_TOUCH_FITTED ? 3 : 1;
+}
+
+static inline const struct cut_mesh *operated_mesh(const struct operated_tissue *t) {
+    return t->now.mesh ? t->now.mesh : t->scene->mesh;
 }
 
 // ---- operation_mismatch.c ----

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "step/scene_parts.h"
+#include "step/tissue_state.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -87,6 +88,7 @@ static enum result add_tissue(struct scene *scene, int index, struct error *err)
         tissue->plan = plan_of(scene->knee, group, &whole);
         if (group->maxcut)
             tissue->match = match_surface_create(&group->mesh, group->warp, group->maxcut);
+        tissue->whole = tissue_figures_whole(tissue);
     }
     mesh_fini(&whole);
     return result;
@@ -236,4 +238,9 @@ int scene_tissue_count(const struct scene *scene) {
 int scene_tissue_group(const struct scene *scene, int tissue) {
     CHECK(tissue >= 0 && tissue < scene->tissue_count);
     return scene->tissues[tissue].group;
+}
+
+const struct cut_mesh *scene_tissue_mesh(const struct scene *scene, int tissue) {
+    CHECK(tissue >= 0 && tissue < scene->tissue_count);
+    return scene->tissues[tissue].mesh;
 }

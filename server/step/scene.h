@@ -5,6 +5,8 @@
 #include "warp/adaptive.h"
 #include "warp/warp.h"
 
+struct cut_mesh;
+
 // Surfaces, search structures, tissue that can be cut. Immutable; any number of sessions on any
 // threads share one.
 //
@@ -17,6 +19,7 @@ enum result scene_create(struct knee_case **knee, struct scene **out_scene, stru
 void scene_destroy(struct scene **scene);
 const struct knee_case *scene_case(const struct scene *scene);
 int scene_tissue_count(const struct scene *scene);
+const struct cut_mesh *scene_tissue_mesh(const struct scene *scene, int tissue); // before any cut
 int scene_tissue_group(const struct scene *scene, int tissue); // its index in the case's groups
 
 // The adaptive warp of a case's torn ligaments. The caller destroys it. RESULT_INVALID names a key

@@ -19,6 +19,7 @@ struct scene_tissue {
     struct cut_mesh *solid;      // S' with it; NULL where it has none
     struct match_surface *match; // NULL where the group has no S'_max
     struct quality_plan *plan;
+    struct tissue_figures whole; // of the uncut tissue; its mesh has no number
 };
 
 struct scene {

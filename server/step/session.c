@@ -62,17 +62,21 @@ static void forget(struct session *s) {
         avatar_memory_init(&s->memory[i]);
 }
 
+static void take_surface(struct session *s, int tissue) {
+    struct warp_surface *surface = &s->surfaces[s->scene->tissues[tissue].group];
+    surface->displacement = easing_displacement(s->easings[tissue]);
+    surface->mean = easing_mean(s->easings[tissue]);
+    if (easing_integral(s->easings[tissue]))
+        surface->integral = easing_integral(s->easings[tissue]);
+}
+
 static void take_surfaces(struct session *s) {
     memcpy(s->surfaces, s->scene->surfaces, sizeof s->surfaces);
     for (int t = 0; t < s->scene->tissue_count; t++) {
         if (!s->scene->tissues[t].match)
             continue;
         s->easings[t] = easing_create(s->scene, t, &s->settings.field, s->settings.rules);
-        struct warp_surface *surface = &s->surfaces[s->scene->tissues[t].group];
-        surface->displacement = easing_displacement(s->easings[t]);
-        surface->mean = easing_mean(s->easings[t]);
-        if (easing_integral(s->easings[t]))
-            surface->integral = easing_integral(s->easings[t]);
+        take_surface(s, t);
     }
 }
 
@@ -107,6 +111,11 @@ bool session_is_changed(const struct session *s) {
     for (int t = 0; t < s->scene->tissue_count; t++)
         changed |= s->touched[t];
     return changed;
+}
+
+void session_make_room(struct session *s, const struct job_result *result) {
+    if (s->easings[result->tissue] && result->touch.count)
+        easing_make_room(s->easings[result->tissue]);
 }
 
 bool session_rests(const struct session *s) {
@@ -192,8 +201,10 @@ static uint32_t land(struct session *s, const struct session_input *input, struc
     CHECK(result->job == input->job);
     *out = (struct landed){input->job,      result->outcome, result->tissue,
                            result->figures, result->hash,    result->touch_hash};
-    if (s->easings[result->tissue])
+    if (s->easings[result->tissue]) {
         easing_aim(s->easings[result->tissue], &result->touch);
+        take_surface(s, result->tissue);
+    }
     if (result->outcome == JOB_REFUSED)
         return EVENT_REFUSED;
     if (result->outcome == JOB_DONE && kind == JOB_UNDO) {

@@ -24,6 +24,10 @@ bool session_is_changed(const struct session *session);
 // Whether another step without an input would change nothing but its time.
 bool session_rests(const struct session *session);
 
+// Memory for what the result changes, which its step else would have to allocate. For the thread
+// that ran the job, before the result lands.
+void session_make_room(struct session *session, const struct job_result *result);
+
 // Frame numbers must rise: dropping older ones is the caller's work (the runtime counts them).
 void session_step(struct session *session, const struct session_input *input,
                   struct session_output *out);

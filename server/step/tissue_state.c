@@ -9,6 +9,17 @@
 #define FREED_MM3 0.5 // smaller pieces are crumbs
 #define PROBES_MAX 32 // points of a cut's surface whose distance to S'' is measured
 
+struct tissue_figures tissue_figures_whole(const struct scene_tissue *tissue) {
+    struct tissue_figures figures = {
+        .volume_mm3 = cut_mesh_volume(tissue->mesh),
+        .warped_mm3 = tissue->match ? match_surface_volume(tissue->match) : 0,
+    };
+    struct quality *quality = quality_create(tissue->plan);
+    quality_report(quality, &figures.quality);
+    quality_destroy(&quality);
+    return figures;
+}
+
 struct tissue_state tissue_state_whole(const struct scene_tissue *tissue, int rules,
                                        uint32_t mesh_number) {
     bool fitted = rules >= RULES_TOUCH_FITTED;
@@ -18,12 +29,8 @@ struct tissue_state tissue_state_whole(const struct scene_tissue *tissue, int ru
         .solid = tissue->match && fitted && tissue->solid ? cut_mesh_copy(tissue->solid) : NULL,
         .quality = quality_create(tissue->plan),
     };
-    r.figures = (struct tissue_figures){
-        .mesh_number = mesh_number,
-        .volume_mm3 = cut_mesh_volume(r.mesh),
-        .warped_mm3 = tissue->match ? match_surface_volume(tissue->match) : 0,
-    };
-    quality_report(r.quality, &r.figures.quality);
+    r.figures = tissue->whole;
+    r.figures.mesh_number = mesh_number;
     return r;
 }
 

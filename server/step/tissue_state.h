@@ -15,6 +15,7 @@ struct tissue_state {
     struct tissue_figures figures;
 };
 
+struct tissue_figures tissue_figures_whole(const struct scene_tissue *tissue); // number 0
 struct tissue_state tissue_state_whole(const struct scene_tissue *tissue, int rules,
                                        uint32_t mesh_number);
 struct tissue_state tissue_state_copy(const struct tissue_state *state);

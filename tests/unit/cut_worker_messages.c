@@ -44,6 +44,7 @@ static void ignore(void *user) {
 static void open_worker(struct worker *worker, struct session_runtime *session) {
     struct knee_case *knee = box_knee();
     struct scene *scene;
+    struct session_settings settings = session_settings_default();
     assert_int_equal(scene_create(&knee, &scene, NULL), RESULT_OK);
     runtime.config.notify = ignore;
     runtime.config.control = &no_control;
@@ -57,6 +58,7 @@ static void open_worker(struct worker *worker, struct session_runtime *session) 
     *session = (struct session_runtime){
         .serial = 1,
         .scene = scene,
+        .session = session_create(scene, &settings),
         .operation = operation_create(scene, RULES_NEWEST, instruments_usual())};
     worker->cut_worker = cut_worker_create(worker);
     cut_worker_open(worker->cut_worker, 0, session);
@@ -72,6 +74,7 @@ static void close_worker(struct worker *worker, struct session_runtime *session)
     assert_int_equal(notice.kind, NOTICE_ENDED);
     assert_ptr_equal(notice.ended, session);
     cut_worker_destroy(&worker->cut_worker);
+    session_destroy(&session->session);
     operation_destroy(&session->operation);
     close(worker->wake_fd);
     struct scene *scene = (struct scene *)session->scene;

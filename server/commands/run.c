@@ -8,6 +8,7 @@
 #include "commands/read_case.h"
 #include "config/config.h"
 #include "net/authority.h"
+#include "sessions/resources.h"
 #include "sessions/sessions.h"
 
 #include <errno.h>
@@ -42,7 +43,6 @@ static const char help[] =
 static const char program[] = "arthron-server run";
 
 #define START_PATIENCE_S 3
-#define DESCRIPTORS_BESIDE 512
 
 static atomic_int ended; // the signal that ends the server, or 0
 static atomic_bool ends, is_ready;
@@ -112,19 +112,17 @@ static int serve_until_end(const struct server_config *config) {
     return 0;
 }
 
-// Two for each station, and those of browsers and of the server itself.
-static void raise_descriptors(int stations) {
+static void reckon(int stations) {
+    struct resource_limits limits;
     struct rlimit limit;
-    if (getrlimit(RLIMIT_NOFILE, &limit))
-        return;
-    limit.rlim_cur = limit.rlim_max;
-    setrlimit(RLIMIT_NOFILE, &limit);
-    rlim_t needed = 2 * (rlim_t)stations + DESCRIPTORS_BESIDE;
-    if (limit.rlim_cur < needed)
-        log_warning("server",
-                    "the system gives %lu descriptors, and %lu may be needed: some stations may be "
-                    "refused. Raise the limit (LimitNOFILE)",
-                    (unsigned long)limit.rlim_cur, (unsigned long)needed);
+    struct error err;
+    if (!getrlimit(RLIMIT_NOFILE, &limit)) {
+        limit.rlim_cur = limit.rlim_max;
+        setrlimit(RLIMIT_NOFILE, &limit);
+    }
+    resources_look(&limits);
+    if (resources_reckon(stations, &limits, &err) != RESULT_OK)
+        log_warning("server", "%s", err.text);
 }
 
 // A core file would hold keys and cookies, and delay the next start.
@@ -194,7 +192,7 @@ static int serve(const struct request *request) {
                     field_name(request->field));
     field->kind = request->field;
     leave_no_core();
-    raise_descriptors(config.sessions.station_count);
+    reckon(config.sessions.station_count);
     catch_ends();
     memory_keep_back(MEMORY_KEPT_BACK);
     log_limit_lines();

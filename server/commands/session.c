@@ -1,6 +1,7 @@
 #include "step/session.h"
 
 #include "base/argument.h"
+#include "base/check.h"
 #include "commands/commands.h"
 #include "net/console.h"
 
@@ -53,7 +54,8 @@ static const char help[] =
     "      --strength S   the strength of the new session's warp, 0 to 1 (default: the config's)\n"
     "      --exam         the attempt is of an exam\n"
     "      --left         the left hand holds the scope\n"
-    "      --reason TEXT  why you pause, stop, reset, leave, copy or change the case while an exam\n"
+    "      --reason TEXT  why you pause, stop, reset, leave, copy or change the case while an "
+    "exam\n"
     "                     runs. It flags the exam\n"
     "      --json         print JSON\n"
     "      --help         show this\n";
@@ -81,6 +83,14 @@ static const struct command_kind {
 };
 
 enum { KIND_COUNT = sizeof kinds / sizeof *kinds };
+
+// What the server says to a command.
+struct answer {
+    arthron_CommandReply reply;    // the last one
+    arthron_SessionInfo *sessions; // of all replies
+    size_t session_count;
+    arthron_Metrics metrics; // of SHOW
+};
 
 static const char *state_name(const arthron_SessionInfo *info) {
     return session_state_name((enum session_state)info->state);
@@ -192,11 +202,11 @@ static json_t *metric_to_json(const arthron_Metric *m) {
                      m->below_floor);
 }
 
-// shown: NULL but of one station.
-static void print_json(const arthron_CommandReply *reply, const arthron_Metrics *shown) {
+static void print_json(const struct answer *answer) {
+    const arthron_CommandReply *reply = &answer->reply;
     json_t *sessions = json_array();
-    for (pb_size_t i = 0; i < reply->sessions_count; i++)
-        json_array_append_new(sessions, info_to_json(&reply->sessions[i]));
+    for (size_t i = 0; i < answer->session_count; i++)
+        json_array_append_new(sessions, info_to_json(&answer->sessions[i]));
     json_t *whole =
         json_pack("{s:b, s:s, s:o}", "ok", reply->ok, "text", reply->text, "sessions", sessions);
     json_t *resections = json_array();
@@ -204,8 +214,8 @@ static void print_json(const arthron_CommandReply *reply, const arthron_Metrics 
         json_array_append_new(resections, resection_to_json(&reply->resections[i]));
     json_object_set_new(whole, "resections", resections);
     json_t *metrics = json_array();
-    for (pb_size_t i = 0; shown && i < shown->metrics_count; i++)
-        json_array_append_new(metrics, metric_to_json(&shown->metrics[i]));
+    for (pb_size_t i = 0; i < answer->metrics.metrics_count; i++)
+        json_array_append_new(metrics, metric_to_json(&answer->metrics.metrics[i]));
     json_object_set_new(whole, "metrics", metrics);
     if (reply->has_undone)
         json_object_set_new(whole, "undone", undone_to_json(&reply->undone));
@@ -235,11 +245,11 @@ static void print_certificate(const char *whose, int64_t until_utc_s, const char
         printf("  %s: its certificate ends in %d days: %s\n", whose, (int)(left_s / DAY_S), advice);
 }
 
-static void print_table(const arthron_CommandReply *reply) {
+static void print_table(const struct answer *answer) {
     printf("%-20s %-20s %-20s %-8s %-9s %10s %8s  %s\n", "station", "trainee", "case", "state",
            "link", "steps", "lost", "trace");
-    for (pb_size_t i = 0; i < reply->sessions_count; i++) {
-        const arthron_SessionInfo *info = &reply->sessions[i];
+    for (size_t i = 0; i < answer->session_count; i++) {
+        const arthron_SessionInfo *info = &answer->sessions[i];
         printf("%-20s %-20s %-20s %-8s %-9s %10" PRIu64 " %8" PRIu64 "  %s\n", info->station,
                info->trainee[0] ? info->trainee : "-", info->case_name, state_name(info),
                info->connected ? "connected" : "away", info->steps, info->frames_lost, info->trace);
@@ -258,7 +268,8 @@ static void print_table(const arthron_CommandReply *reply) {
             printf("  %s: %" PRIu64 " touches, tip %.2f mm off the surface\n", info->station,
                    info->touches, info->drift_mm);
     }
-    print_certificate("the server", reply->certificate_until_utc_s, "arthron-server keys renew");
+    print_certificate("the server", answer->reply.certificate_until_utc_s,
+                      "arthron-server keys renew");
 }
 
 // Without the sign of a rest that rounding left.
@@ -305,9 +316,10 @@ static void print_metric(const arthron_Metric *m) {
     printf("%-20s v%u %12s %-5s %s\n", m->name, m->version, value, m->unit, m->subject);
 }
 
-static void print_text(const arthron_CommandReply *reply, const arthron_Metrics *shown) {
-    if (reply->sessions_count)
-        print_table(reply);
+static void print_text(const struct answer *answer) {
+    const arthron_CommandReply *reply = &answer->reply;
+    if (answer->session_count)
+        print_table(answer);
     if (reply->has_undone)
         printf("%u cut%s undone, %.1f mm3 came back\n", reply->undone.cuts,
                reply->undone.cuts == 1 ? "" : "s", reply->undone.volume_mm3);
@@ -315,28 +327,49 @@ static void print_text(const arthron_CommandReply *reply, const arthron_Metrics 
         print_joint(&reply->joint);
     for (pb_size_t i = 0; i < reply->resections_count; i++)
         print_resection(&reply->resections[i]);
-    for (pb_size_t i = 0; shown && i < shown->metrics_count; i++)
-        print_metric(&shown->metrics[i]);
+    for (pb_size_t i = 0; i < answer->metrics.metrics_count; i++)
+        print_metric(&answer->metrics.metrics[i]);
+}
+
+// ---- asking -------------------------------------------------------------------------------------
+
+static void add_sessions(struct answer *answer) {
+    size_t more = answer->reply.sessions_count;
+    answer->sessions =
+        alloc_resize(answer->sessions, answer->session_count + more, sizeof *answer->sessions);
+    memcpy(answer->sessions + answer->session_count, answer->reply.sessions,
+           more * sizeof *answer->sessions);
+    answer->session_count += more;
+}
+
+// A list comes in parts.
+static enum result ask(const char *socket, const arthron_Command *command, struct answer *out,
+                       struct error *err) {
+    arthron_Command part = *command;
+    enum result result;
+    do {
+        result = console_call(socket, &part, &out->reply, err);
+        if (result == RESULT_OK)
+            add_sessions(out);
+        part.first = (uint32_t)out->session_count;
+    } while (result == RESULT_OK && out->reply.next == part.first && part.first);
+    if (result == RESULT_OK && out->reply.ok && command->kind == arthron_Command_Kind_SHOW)
+        result = console_ask_metrics(socket, command->station, &out->metrics, err);
+    return result;
 }
 
 static int call(const char *socket, const arthron_Command *command, bool json) {
-    static arthron_CommandReply reply;
-    static arthron_Metrics metrics;
+    static struct answer answer;
     struct error err;
-    bool shows = false;
-    enum result result = console_call(socket, command, &reply, &err);
-    if (result == RESULT_OK && reply.ok && command->kind == arthron_Command_Kind_SHOW) {
-        shows = true;
-        result = console_ask_metrics(socket, command->station, &metrics, &err);
-    }
-    if (result != RESULT_OK) {
+    if (ask(socket, command, &answer, &err) != RESULT_OK) {
         fprintf(stderr, "arthron-server session: %s\n", err.text);
         return 1;
     }
-    (json ? print_json : print_text)(&reply, shows ? &metrics : NULL);
-    if (!reply.ok)
-        fprintf(stderr, "arthron-server session: %s\n", reply.text);
-    return reply.ok ? 0 : 1;
+    (json ? print_json : print_text)(&answer);
+    if (!answer.reply.ok)
+        fprintf(stderr, "arthron-server session: %s\n", answer.reply.text);
+    free(answer.sessions);
+    return answer.reply.ok ? 0 : 1;
 }
 
 static bool put_text(char *out, size_t size, const char *text) {
@@ -443,16 +476,11 @@ static int run(const char *socket, const char *from, char **words, int count,
 
 int command_session(int argc, char **argv) {
     static const struct option options[] = {
-        {"socket", required_argument, NULL, 'S'},
-        {"from", required_argument, NULL, 'f'},
-        {"at", required_argument, NULL, 'a'},
-        {"strength", required_argument, NULL, 'W'},
-        {"exam", no_argument, NULL, 'e'},
-        {"left", no_argument, NULL, 'l'},
-        {"reason", required_argument, NULL, 'r'},
-        {"json", no_argument, NULL, 'j'},
-        {"help", no_argument, NULL, 'h'},
-        {0},
+        {"socket", required_argument, NULL, 'S'}, {"from", required_argument, NULL, 'f'},
+        {"at", required_argument, NULL, 'a'},     {"strength", required_argument, NULL, 'W'},
+        {"exam", no_argument, NULL, 'e'},         {"left", no_argument, NULL, 'l'},
+        {"reason", required_argument, NULL, 'r'}, {"json", no_argument, NULL, 'j'},
+        {"help", no_argument, NULL, 'h'},         {0},
     };
     const char *socket = NULL, *from = NULL;
     arthron_Command command = arthron_Command_init_zero;

@@ -18,6 +18,7 @@
 #define SAID_NS (10 * NS_PER_S)
 #define MESSAGES_PER_S 4000 // of one peer; a station sends 2000 frames at most
 #define MESSAGES_BURST 2000
+#define TOGETHER_NS (50 * NS_PER_MS)
 #define SLOWED_US (50 * LWS_US_PER_MS)
 
 // ---- queues -------------------------------------------------------------------------------------
@@ -304,10 +305,24 @@ static bool next_message(struct peer *peer, struct outgoing *out) {
     return any;
 }
 
+// Each ask whether it is writable takes a turn of the thread.
+static bool has_more(struct peer *peer) {
+    if (peer->urgent.size || peer->closing || !peer->agreed)
+        return true;
+    pthread_mutex_lock(&peer->control->lock);
+    const struct peer_slot *slot = &peer->control->slots[peer->handle.index];
+    bool more = outbox_waits(slot->outbox);
+    for (int i = 0; i < WIRE_MESH_GROUPS_MAX; i++)
+        more |= slot->deliveries[i].payload != NULL;
+    pthread_mutex_unlock(&peer->control->lock);
+    return more;
+}
+
 static int write_message(struct peer *peer, uint8_t *bytes, size_t size) {
     if (lws_write(peer->wsi, bytes, size, LWS_WRITE_BINARY) < (int)size)
         return -1;
-    lws_callback_on_writable(peer->wsi);
+    if (has_more(peer))
+        lws_callback_on_writable(peer->wsi);
     return 0;
 }
 
@@ -335,6 +350,9 @@ static int tick(struct peer *peer) {
         if (!peer_tick(peer, now_ns, &next_us))
             return -1;
         peer->tick_ns = peer->agreed ? now_ns + 1000 * next_us : 0;
+        if (next_us >= TOGETHER_NS / 1000) // with those of other peers, in one turn of the thread
+            peer->tick_ns -= peer->tick_ns % TOGETHER_NS;
+        next_us = peer->agreed ? (peer->tick_ns - now_ns) / 1000 : next_us;
     }
     lws_set_timer_usecs(peer->wsi, next_us);
     return 0;

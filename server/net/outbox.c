@@ -137,6 +137,10 @@ enum outbox_put outbox_put(struct outbox *outbox, const arthron_Control *message
     return push(outbox, encoded) ? OUTBOX_QUEUED : OUTBOX_OVERFLOWN;
 }
 
+bool outbox_waits(const struct outbox *outbox) {
+    return outbox->count || outbox->figures_count;
+}
+
 bool outbox_take(struct outbox *outbox, struct outgoing *out) {
     if (pop(outbox, out))
         return true;

@@ -32,5 +32,7 @@ enum outbox_put {
 enum outbox_put outbox_put(struct outbox *outbox, const arthron_Control *message,
                            const struct outgoing *encoded);
 
+bool outbox_waits(const struct outbox *outbox); // whether there is a message
+
 // The next message; false: none waits.
 bool outbox_take(struct outbox *outbox, struct outgoing *out);

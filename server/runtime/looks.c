@@ -65,6 +65,15 @@ void looks_by(struct looks *l, int place, int64_t when_ns) {
     put_in(l, place, turn);
 }
 
+int64_t looks_next_ns(const struct looks *l, int64_t until_ns) {
+    int64_t turn = l->turn;
+    while (turn < l->turn + TURNS && (turn + 1) * LOOKS_TURN_NS < until_ns &&
+           l->first[turn % TURNS] == NOWHERE)
+        turn++;
+    int64_t next_ns = (turn + 1) * LOOKS_TURN_NS;
+    return next_ns < until_ns ? next_ns : until_ns;
+}
+
 // Where nobody asked for a whole round of the wheel, no place is left behind.
 int looks_take(struct looks *l, int64_t now_ns) {
     int64_t now = now_ns / LOOKS_TURN_NS;

@@ -18,5 +18,8 @@ void looks_destroy(struct looks **looks); // NULL inside is fine
 // Looks at the place by then. An earlier look that was asked for stays.
 void looks_by(struct looks *looks, int place, int64_t when_ns);
 
+// When looks_take is to be called next: not after `until_ns`.
+int64_t looks_next_ns(const struct looks *looks, int64_t until_ns);
+
 // A place whose look has come, and is over with that; -1: there is none now.
 int looks_take(struct looks *looks, int64_t now_ns);

@@ -19,7 +19,8 @@
 #include <unistd.h>
 
 #define REST_AFTER_NS NS_PER_S
-#define TICK_MS 10
+#define MARKS_NS (10 * NS_PER_MS) // until markers are looked at again
+#define PATIENCE_NS (100 * NS_PER_MS)
 #define REQUESTS_LEAST 1024
 #define REQUESTS_EACH 16
 #define NOTICES_LEAST 64
@@ -214,9 +215,12 @@ static void look_again(struct worker *worker, const struct station_runtime *stat
     const struct marking *m = &station->marking;
     int64_t in_ns = station->session && !is_at_rest(station, now_ns) ? EMPTY_STEP_NS : NS_PER_S;
     if (m->holds || m->tells || m->owes)
-        in_ns = TICK_MS * NS_PER_MS;
+        in_ns = MARKS_NS;
+    int64_t when_ns = now_ns + in_ns;
+    if (in_ns == NS_PER_S) // together with others
+        when_ns -= when_ns % PATIENCE_NS;
     if (station->session || station->connection.connected)
-        looks_by(worker->looks, worker_place(worker->runtime, station->index), now_ns + in_ns);
+        looks_by(worker->looks, worker_place(worker->runtime, station->index), when_ns);
 }
 
 // True where frames are left for the next round.
@@ -274,11 +278,13 @@ static bool end_sessions(struct worker *worker) {
 
 // ---- the thread ---------------------------------------------------------------------------------
 
-// Until a frame or a word from another thread comes, or TICK_MS.
+// Until a frame or a word from another thread comes, or it is time to look at a station.
 static void wait_for_work(struct worker *worker, struct pollfd *fds, bool left) {
     uint64_t wakes;
     int64_t begin_ns = clock_now_ns();
-    poll(fds, 2, left ? 0 : TICK_MS);
+    int64_t wait_ns = looks_next_ns(worker->looks, begin_ns + PATIENCE_NS) - begin_ns;
+    bool waits = !left && wait_ns > 0;
+    poll(fds, 2, waits ? (int)(wait_ns / NS_PER_MS) + 1 : 0);
     real_time_waited(&worker->real_time, begin_ns, clock_now_ns());
     if (fds[1].revents && read(fds[1].fd, &wakes, sizeof wakes) < 0)
         CHECK(errno == EAGAIN);

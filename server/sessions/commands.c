@@ -311,7 +311,7 @@ void commands_run(struct sessions *s, const char *actor, const arthron_Command *
                   arthron_CommandReply *reply) {
     memset(reply, 0, sizeof *reply);
     if (command->kind == arthron_Command_Kind_LIST) {
-        session_list_all(s, reply);
+        session_list_all(s, command->first, reply);
         return;
     }
     if (!command_name(command->kind)) {

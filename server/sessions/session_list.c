@@ -142,14 +142,18 @@ static void tell_refused(struct sessions *s, arthron_Refused *out) {
     out->replies_dropped = control.replies_dropped;
 }
 
-void session_list_all(struct sessions *s, arthron_CommandReply *reply) {
+void session_list_all(struct sessions *s, uint32_t first, arthron_CommandReply *reply) {
+    const uint32_t count = (uint32_t)s->config.station_count;
+    const pb_size_t room = sizeof reply->sessions / sizeof *reply->sessions;
     struct authority_server server;
     authority_server(s->config.keys_dir, &server, NULL);
     reply->certificate_until_utc_s = server.until_utc_s;
     grades_refresh(s->grades);
     reply->has_refused = true;
     tell_refused(s, &reply->refused);
-    for (int i = 0; i < s->config.station_count; i++)
-        session_info(s, i, &reply->sessions[reply->sessions_count++]);
+    uint32_t i = first;
+    for (; i < count && reply->sessions_count < room; i++)
+        session_info(s, (int)i, &reply->sessions[reply->sessions_count++]);
+    reply->next = i < count ? i : 0;
     reply->ok = true;
 }

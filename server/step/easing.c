@@ -21,7 +21,7 @@ struct easing_room {
 
 struct easing {
     const struct scene *scene;
-    int index; // of the group
+    const struct scene_tissue *tissue;
     const struct case_group *group;
     enum field_kind kind;
     const struct query *query;
@@ -40,15 +40,14 @@ static struct easing_room *make(const struct easing *e) {
     r->target = alloc((size_t)e->width * count, sizeof *r->target);
     r->pending = alloc(count, sizeof *r->pending);
     r->is_pending = alloc(count, sizeof *r->is_pending);
-    if (e->group->warp)
-        memcpy(r->displacement, e->group->warp, 3 * count * sizeof *r->displacement);
+    memcpy(r->displacement, e->tissue->start, 3 * count * sizeof *r->displacement);
     if (e->kind == FIELD_SMOOTH && !e->group->bridges)
-        r->mean = surface_mean_create(e->scene->trees[e->index], r->displacement);
+        r->mean = surface_mean_create(e->scene->trees[e->tissue->group], r->displacement);
     if (e->kind == FIELD_INTEGRAL && !e->group->bridges) {
         r->aimed = alloc(3 * count, sizeof *r->aimed);
         memcpy(r->aimed, r->displacement, 3 * count * sizeof *r->aimed);
-        r->integral = surface_integral_create(e->scene->blocks[e->index], r->displacement);
-        r->whole = surface_integral_create(e->scene->blocks[e->index], r->aimed);
+        r->integral = surface_integral_create(e->scene->blocks[e->tissue->group], r->displacement);
+        r->whole = surface_integral_create(e->scene->blocks[e->tissue->group], r->aimed);
     }
     return r;
 }
@@ -80,18 +79,15 @@ static struct easing_room *room_of(struct easing *e) {
     return e->room;
 }
 
-// Without S' there is nothing in the scene that a session could share.
 struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field,
                              int rules) {
     struct easing *e = alloc(1, sizeof *e);
     e->scene = scene;
-    e->index = scene->tissues[tissue].group;
-    e->group = &scene->knee->groups[e->index];
+    e->tissue = &scene->tissues[tissue];
+    e->group = &scene->knee->groups[e->tissue->group];
     e->kind = field->kind;
-    e->query = scene->queries[e->index];
+    e->query = scene->queries[e->tissue->group];
     e->width = rules >= RULES_TOUCH_FITTED ? 3 : 1;
-    if (!e->group->warp)
-        e->room = make(e);
     return e;
 }
 
@@ -108,19 +104,19 @@ void easing_destroy(struct easing **easing) {
 // ---- what the warp reads ------------------------------------------------------------------------
 
 const float *easing_displacement(const struct easing *e) {
-    return e->room ? e->room->displacement : e->group->warp;
+    return e->room ? e->room->displacement : e->tissue->start;
 }
 
 const struct surface_mean *easing_mean(const struct easing *e) {
     if (e->room)
         return e->room->mean;
-    return e->kind == FIELD_SMOOTH && !e->group->bridges ? e->scene->means[e->index] : NULL;
+    return e->kind == FIELD_SMOOTH && !e->group->bridges ? e->tissue->start_mean : NULL;
 }
 
 const struct surface_integral *easing_integral(const struct easing *e) {
     if (e->room)
         return e->room->integral;
-    return e->kind == FIELD_INTEGRAL && !e->group->bridges ? e->scene->integrals[e->index] : NULL;
+    return e->kind == FIELD_INTEGRAL && !e->group->bridges ? e->tissue->start_integral : NULL;
 }
 
 // ---- changes ------------------------------------------------------------------------------------
@@ -157,8 +153,7 @@ void easing_restore(struct easing *e) {
     memset(r->target, 0, (size_t)e->width * count * sizeof *r->target);
     memset(r->is_pending, 0, count * sizeof *r->is_pending);
     r->pending_count = 0;
-    for (size_t i = 0; i < 3 * count; i++)
-        r->displacement[i] = e->group->warp ? e->group->warp[i] : 0;
+    memcpy(r->displacement, e->tissue->start, 3 * count * sizeof *r->displacement);
     update(r, changed);
     if (!r->whole)
         return;
@@ -170,9 +165,8 @@ static void displace(const struct easing *e, float *displacement, uint32_t verte
                      const double *offset) {
     for (size_t k = 0; k < 3; k++) {
         size_t i = 3 * (size_t)vertex + k;
-        double warp = e->group->warp ? (double)e->group->warp[i] : 0;
         double by = e->width == 3 ? offset[k] : *offset * (double)e->group->maxcut[i];
-        displacement[i] = (float)(warp + by);
+        displacement[i] = (float)((double)e->tissue->start[i] + by);
     }
 }
 

@@ -68,6 +68,19 @@ static enum result fits_grids(struct box box, struct error *err) {
                 longest, TISSUE_MAX_MM);
 }
 
+static void make_start(struct scene *scene, struct scene_tissue *tissue) {
+    const struct case_group *group = &scene->knee->groups[tissue->group];
+    if (!group->warp) {
+        tissue->made.zeros = alloc(3 * (size_t)group->mesh.vertex_count, sizeof(float));
+        tissue->made.mean = surface_mean_create(scene->trees[tissue->group], tissue->made.zeros);
+        tissue->made.integral =
+            surface_integral_create(scene->blocks[tissue->group], tissue->made.zeros);
+    }
+    tissue->start = group->warp ? group->warp : tissue->made.zeros;
+    tissue->start_mean = group->warp ? scene->means[tissue->group] : tissue->made.mean;
+    tissue->start_integral = group->warp ? scene->integrals[tissue->group] : tissue->made.integral;
+}
+
 static enum result add_tissue(struct scene *scene, int index, struct error *err) {
     const struct case_group *group = &scene->knee->groups[index];
     if (scene->tissue_count == TISSUES_MAX)
@@ -88,6 +101,8 @@ static enum result add_tissue(struct scene *scene, int index, struct error *err)
         tissue->plan = plan_of(scene->knee, group, &whole);
         if (group->maxcut)
             tissue->match = match_surface_create(&group->mesh, group->warp, group->maxcut);
+        if (group->maxcut)
+            make_start(scene, tissue);
         tissue->whole = tissue_figures_whole(tissue);
     }
     mesh_fini(&whole);
@@ -220,6 +235,9 @@ void scene_destroy(struct scene **scene) {
         cut_mesh_destroy(&s->tissues[i].solid);
         match_surface_destroy(&s->tissues[i].match);
         quality_plan_destroy(&s->tissues[i].plan);
+        surface_mean_destroy(&s->tissues[i].made.mean);
+        surface_integral_destroy(&s->tissues[i].made.integral);
+        free(s->tissues[i].made.zeros);
     }
     loose_ground_destroy(&s->loose_ground);
     case_destroy(&s->knee);

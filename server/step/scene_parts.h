@@ -19,6 +19,16 @@ struct scene_tissue {
     struct cut_mesh *solid;      // S' with it; NULL where it has none
     struct match_surface *match; // NULL where the group has no S'_max
     struct quality_plan *plan;
+    // What sessions begin with: S' − S, its mean and its integral, which are those of the group, or
+    // made here where the group has no S'.
+    const float *start;
+    const struct surface_mean *start_mean;
+    const struct surface_integral *start_integral;
+    struct {
+        float *zeros;
+        struct surface_mean *mean;
+        struct surface_integral *integral;
+    } made;
     struct tissue_figures whole; // of the uncut tissue; its mesh has no number
 };
 

@@ -145,6 +145,17 @@ static struct trace_writer *hold_next(int *at) {
     return NULL;
 }
 
+// A round has many writers, most of them of sessions that rest.
+static bool has_news(const struct trace_writer *w) {
+    return atomic_load(&w->rewrite) || atomic_load(&w->written) != buffer_head(&w->buffer);
+}
+
+static struct trace_writer *hold_next_with_news(int *at) {
+    while (*at < disk.count && !has_news(disk.writers[*at]))
+        ++*at;
+    return hold_next(at);
+}
+
 static void let_go(struct trace_writer *w) {
     w->holds--;
     pthread_cond_broadcast(&disk.released);
@@ -162,7 +173,7 @@ static void *write_all(void *context) {
     while (!disk.stop) {
         struct trace_writer *w;
         bool hurry = false;
-        for (int at = 0; (w = hold_next(&at));) {
+        for (int at = 0; (w = hold_next_with_news(&at));) {
             pthread_mutex_unlock(&disk.lock);
             write_out(w);
             buffer_touch_ahead(&w->buffer);

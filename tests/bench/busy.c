@@ -67,7 +67,7 @@ static bool set_priority(int priority) {
 static void take(const struct hall *hall, int64_t lasts_ns, struct samples *out) {
     struct load load = {STATION_HZ, lasts_ns, .sleeps = true};
     struct load_result result = {0};
-    load_run(hall->callers, hall->station_count, &load, &result);
+    load_run(hall->callers, hall->caller_count, &load, &result);
     for (size_t i = 0; i < result.round_trips_us.count; i++)
         samples_add(out, result.round_trips_us.values[i]);
     load_result_fini(&result);

@@ -5,6 +5,7 @@
 #include "link/key_files.h"
 #include "link/link_parts.h"
 #include "net/authority.h"
+#include "net/authority_keys.h"
 #include "program.h"
 
 #include <arpa/inet.h>
@@ -16,13 +17,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
 #define PATIENCE_NS (60 * NS_PER_S)
-#define REQUEST_MAX 1024
+#define PATIENCE_EACH_NS (NS_PER_S / 5) // of a station that joins
 #define LOOK_NS (10 * NS_PER_MS)
 
 static void path_in(const struct hall *hall, const char *name, char *out, size_t size) {
@@ -108,6 +110,15 @@ static enum result start_server(struct hall *hall, const struct hall_setup *setu
     return result;
 }
 
+// The server inherits them.
+static void raise_descriptors(void) {
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_NOFILE, &limit))
+        return;
+    limit.rlim_cur = limit.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 // ---- its threads --------------------------------------------------------------------------------
 
 static bool is_called(pid_t pid, const char *thread, const char *name) {
@@ -174,44 +185,30 @@ double hall_memory(const struct hall *hall) {
 
 // ---- stations -----------------------------------------------------------------------------------
 
-static size_t encode_request(EVP_PKEY *key, uint8_t *der) {
-    X509_REQ *request = X509_REQ_new();
-    int made = request && X509_REQ_set_pubkey(request, key) == 1 &&
-               X509_REQ_sign(request, key, EVP_sha256()) > 0;
-    NEED(made, "memory");
-    int length = i2d_X509_REQ(request, &der);
-    X509_REQ_free(request);
-    return (size_t)length;
-}
-
-static enum result write_keys(const char *dir, EVP_PKEY *key, const struct authority_answer *answer,
-                              struct error *err) {
-    const uint8_t *of_station = answer->certificate_der, *of_authority = answer->authority_der;
-    X509 *certificate = d2i_X509(NULL, &of_station, (long)answer->certificate_size);
-    X509 *authority = d2i_X509(NULL, &of_authority, (long)answer->authority_size);
-    enum result result = key_files_write(dir, key, certificate, authority, err);
+// All stations of a hall have one key: so that none has to be made.
+static enum result enrol(const struct hall *hall, int station, const struct issuer *authority,
+                         struct error *err) {
+    char keys[128], name[32];
+    name_station(station, name);
+    path_in(hall, name, keys, sizeof keys);
+    X509 *certificate = certificate_make(CERTIFICATE_STATION, name, NULL, hall->key, authority);
+    enum result result = key_files_write(keys, hall->key, certificate, authority->certificate, err);
     X509_free(certificate);
-    X509_free(authority);
     return result;
 }
 
-// Beside the server, which lets one address enrol a station a second.
-static enum result enrol(const struct hall *hall, int station, struct error *err) {
-    char server_keys[128], keys[128], name[32], code[AUTHORITY_CODE_MAX];
-    uint8_t der[REQUEST_MAX];
-    struct authority_answer answer;
-    EVP_PKEY *key = EVP_EC_gen("P-256");
-    NEED(key, "memory");
-    struct authority_request request = {der, encode_request(key, der)};
-    name_station(station, name);
+// Not over the network, where one address enrols a station a second, and without its records.
+static enum result enrol_all(struct hall *hall, struct error *err) {
+    char server_keys[128];
+    struct issuer authority;
     path_in(hall, "keys", server_keys, sizeof server_keys);
-    path_in(hall, name, keys, sizeof keys);
-    enum result result = authority_issue_code(server_keys, name, code, err);
-    if (result == RESULT_OK)
-        result = authority_enrol(server_keys, code, &request, &answer, err);
-    if (result == RESULT_OK)
-        result = write_keys(keys, key, &answer, err);
-    EVP_PKEY_free(key);
+    enum result result = issuer_read(server_keys, &authority, err);
+    if (result != RESULT_OK)
+        return result;
+    hall->key = certificate_key();
+    for (int i = 0; i < hall->station_count && result == RESULT_OK; i++)
+        result = enrol(hall, i, &authority, err);
+    issuer_release(&authority);
     return result;
 }
 
@@ -244,10 +241,22 @@ static bool answers_by_datagram(struct link *link, uint64_t *number) {
     return status.path == LINK_DATAGRAM;
 }
 
+static bool has_session(struct link *link) {
+    struct link_status status;
+    link_get_status(link, &status);
+    return status.state == arthron_SessionState_RUNNING;
+}
+
 static enum result wait_for_all(struct hall *hall, struct error *err) {
-    int64_t end_ns = clock_now_ns() + PATIENCE_NS;
-    hall->callers = alloc((size_t)hall->station_count, sizeof *hall->callers);
-    for (int i = 0; i < hall->station_count; i++) {
+    int64_t end_ns = clock_now_ns() + PATIENCE_NS + hall->station_count * PATIENCE_EACH_NS;
+    hall->callers = alloc((size_t)hall->caller_count, sizeof *hall->callers);
+    for (int i = hall->caller_count; i < hall->station_count; i++)
+        while (!has_session(hall->links[i])) {
+            if (clock_now_ns() > end_ns)
+                return fail(err, RESULT_CLOSED, "station %d gets no session", i);
+            pause_ns(LOOK_NS);
+        }
+    for (int i = 0; i < hall->caller_count; i++) {
         struct caller *caller = &hall->callers[i];
         while (!answers_by_datagram(hall->links[i], &caller->number))
             if (clock_now_ns() > end_ns)
@@ -263,15 +272,17 @@ static enum result wait_for_all(struct hall *hall, struct error *err) {
 static enum result open_stations(struct hall *hall, struct error *err) {
     enum result result = RESULT_OK;
     hall->links = alloc((size_t)hall->station_count, sizeof *hall->links);
-    for (int i = 0; i < hall->station_count && result == RESULT_OK; i++)
-        result = enrol(hall, i, err);
+    result = enrol_all(hall, err);
     for (int i = 0; i < hall->station_count && result == RESULT_OK; i++)
         result = join(hall, i, err);
     return result == RESULT_OK ? wait_for_all(hall, err) : result;
 }
 
 enum result hall_start(const struct hall_setup *setup, struct hall *hall, struct error *err) {
-    *hall = (struct hall){.station_count = setup->station_count, .port = free_port(SOCK_STREAM)};
+    *hall = (struct hall){.station_count = setup->station_count + setup->idle,
+                          .caller_count = setup->station_count,
+                          .port = free_port(SOCK_STREAM)};
+    raise_descriptors();
     folder_make(hall->folder);
     enum result result = write_config(hall, setup, err);
     if (result == RESULT_OK)
@@ -290,6 +301,7 @@ void hall_end(struct hall *hall) {
     for (int i = 0; hall->links && i < hall->station_count; i++)
         if (hall->links[i])
             link_destroy(&hall->links[i]);
+    EVP_PKEY_free(hall->key);
     free(hall->links);
     free(hall->callers);
     if (hall->pid > 0) {

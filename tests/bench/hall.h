@@ -6,6 +6,7 @@
 #include "folder.h"
 #include "load.h"
 
+#include <openssl/evp.h>
 #include <stdint.h>
 #include <sys/types.h>
 
@@ -16,8 +17,10 @@ struct hall {
     pid_t worker; // the thread that answers poses
     char folder[FOLDER_MAX];
     int port, station_count;
+    EVP_PKEY *key;          // of all stations
     struct link **links;    // [station_count]
-    struct caller *callers; // the sockets and keys of the links
+    int caller_count;       // stations that send poses: the first ones
+    struct caller *callers; // the sockets and keys of their links
 };
 
 struct hall_setup {
@@ -25,10 +28,11 @@ struct hall_setup {
     const char *case_dir;
     const char *field; // of the warp; NULL: that of the server
     int cpu;           // where the server runs, -1: anywhere
+    int idle;          // stations beyond these, which never send a pose
 };
 
-// Every station has a session and gets replies by datagram when this returns. The caller ends it
-// with hall_end, which also removes the folder.
+// Every station has a session, and all but the idle ones get replies by datagram when this returns.
+// The caller ends it with hall_end, which also removes the folder.
 enum result hall_start(const struct hall_setup *setup, struct hall *out_hall, struct error *err);
 void hall_end(struct hall *hall);
 

@@ -23,6 +23,8 @@
 #define MANY_STATIONS 50
 #define FEW_STATIONS 5
 #define CROWD_HZ 100
+#define ACTIVE_STATIONS 200
+#define IDLE_STATIONS 1000
 
 struct rounds {
     int count;
@@ -85,7 +87,7 @@ static void compare(const struct hall *hall, struct echo *sealed, struct echo *p
     for (int i = 0; i < rounds->count; i++) {
         struct load_result of_sealed = {0}, of_plain = {0}, of_server = {0};
         double sealed_ns = echo_round(sealed, &load, &of_sealed);
-        double worker_ns = server_round(hall, hall->station_count, &load, &of_server);
+        double worker_ns = server_round(hall, hall->caller_count, &load, &of_server);
         double plain_ns = echo_round(plain, &load, &of_plain);
         double floor_us = samples_quantile(&of_sealed.round_trips_us, 0.5);
         double late_us = samples_quantile(&of_sealed.round_trips_us, 0.99);
@@ -139,7 +141,7 @@ static enum result rates(const struct hall *hall, const char *field, const struc
                          struct report *report, struct error *err) {
     struct echo sealed = {0}, plain = {0};
     struct ratios ratios = {0};
-    enum result result = start_echoes(&sealed, &plain, hall->station_count, err);
+    enum result result = start_echoes(&sealed, &plain, hall->caller_count, err);
     if (result == RESULT_OK) {
         compare(hall, &sealed, &plain, 0, rounds, &ratios);
         report_ratios(&ratios, field, report);
@@ -155,7 +157,7 @@ static enum result added(const struct hall *hall, const struct rounds *rounds,
     struct hall few = *hall;
     struct echo sealed = {0}, plain = {0};
     struct ratios ratios = {0};
-    few.station_count = BUSY_STATIONS;
+    few.caller_count = BUSY_STATIONS;
     enum result result = start_echoes(&sealed, &plain, BUSY_STATIONS, err);
     if (result == RESULT_OK) {
         compare(&few, &sealed, &plain, BUSY_HZ, rounds, &ratios);
@@ -170,7 +172,7 @@ static enum result added(const struct hall *hall, const struct rounds *rounds,
 static enum result cheapest_field(const char *case_dir, const struct rounds *rounds,
                                   struct report *report, struct error *err) {
     struct hall hall;
-    struct hall_setup setup = {MANY_STATIONS, case_dir, "inverse-distance", SERVER_CPU};
+    struct hall_setup setup = {MANY_STATIONS, case_dir, "inverse-distance", SERVER_CPU, 0};
     enum result result = hall_start(&setup, &hall, err);
     if (result != RESULT_OK)
         return result;
@@ -208,7 +210,7 @@ static enum result memory_of(int stations, const char *case_dir, double *out_byt
                              struct error *err) {
     struct hall hall;
     enum result result =
-        hall_start(&(struct hall_setup){stations, case_dir, NULL, SERVER_CPU}, &hall, err);
+        hall_start(&(struct hall_setup){stations, case_dir, NULL, SERVER_CPU, 0}, &hall, err);
     if (result != RESULT_OK)
         return result;
     *out_bytes = hall_memory(&hall);
@@ -233,8 +235,8 @@ static enum result usual_field(const char *case_dir, const struct rounds *rounds
     double few_bytes;
     enum result result = memory_of(FEW_STATIONS, case_dir, &few_bytes, err);
     if (result == RESULT_OK)
-        result =
-            hall_start(&(struct hall_setup){MANY_STATIONS, case_dir, NULL, SERVER_CPU}, &hall, err);
+        result = hall_start(&(struct hall_setup){MANY_STATIONS, case_dir, NULL, SERVER_CPU, 0},
+                            &hall, err);
     if (result != RESULT_OK)
         return result;
     report_crowd(&hall, few_bytes, rounds, report);
@@ -292,6 +294,47 @@ static enum result two_threads(const char *folder, const char *case_dir,
     return result;
 }
 
+// ---- a large hall -------------------------------------------------------------------------------
+
+static void report_large(const struct hall *hall, int idle, int64_t lasts_ns,
+                         struct report *report) {
+    struct load_result result = {0};
+    struct load load = {CROWD_HZ, lasts_ns};
+    double share = idle_share(hall, lasts_ns);
+    load_run(hall->callers, hall->caller_count, &load, &result);
+    report_mark(report, "active_lost", (double)(result.sent - result.answered), "frames", 0,
+                BETTER_LOW);
+    report_figure(report, hall->caller_count, "stations", "large hall/of 100 Hz");
+    report_figure(report, idle, "stations", "large hall/idle beside them");
+    report_figure(report, (double)result.sent, "frames", "large hall/sent");
+    report_figure(report, samples_quantile(&result.round_trips_us, 0.5), "us",
+                  "large hall/round trip p50");
+    report_figure(report, samples_quantile(&result.round_trips_us, 0.99), "us",
+                  "large hall/round trip p99");
+    report_figure(report, share * 1000 / hall->station_count, "1",
+                  "large hall/core for 1000 idle stations");
+    report_figure(report, hall_memory(hall) / hall->station_count, "bytes",
+                  "large hall/memory a station, with the case");
+    load_result_fini(&result);
+}
+
+// With --quick the hall is a fifth as large.
+static enum result large_hall(const char *case_dir, bool quick, struct report *report,
+                              struct error *err) {
+    struct hall hall;
+    struct hall_setup setup = {ACTIVE_STATIONS, case_dir, NULL, SERVER_CPU, IDLE_STATIONS};
+    if (quick) {
+        setup.station_count /= 5;
+        setup.idle /= 5;
+    }
+    enum result result = hall_start(&setup, &hall, err);
+    if (result != RESULT_OK)
+        return result;
+    report_large(&hall, setup.idle, quick ? 2 * NS_PER_S : 10 * NS_PER_S, report);
+    hall_end(&hall);
+    return result;
+}
+
 enum result bench_server(const struct bench_options *options, struct report *report,
                          struct error *err) {
     struct rounds rounds = {options->quick ? 3 : 9, options->quick ? NS_PER_S / 2 : 2 * NS_PER_S};
@@ -307,6 +350,8 @@ enum result bench_server(const struct bench_options *options, struct report *rep
         result = beside_others(case_dir, &rounds, report, err);
     if (result == RESULT_OK)
         result = usual_field(case_dir, &rounds, report, err);
+    if (result == RESULT_OK)
+        result = large_hall(case_dir, options->quick, report, err);
     folder_remove(folder);
     return result;
 }

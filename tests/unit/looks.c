@@ -49,6 +49,22 @@ static void each_place_comes_when_it_is_due_and_once(void **state) {
     looks_destroy(&looks);
 }
 
+static void the_time_of_the_next_look_is_told(void **state) {
+    (void)state;
+    struct looks *looks = looks_create(2);
+    int64_t now_ns = 1000 * NS_PER_S, until_ns = now_ns + 100 * NS_PER_MS;
+    looks_take(looks, now_ns);
+    assert_int_equal(looks_next_ns(looks, until_ns), until_ns);
+    looks_by(looks, 0, now_ns + 500 * NS_PER_MS);
+    assert_int_equal(looks_next_ns(looks, until_ns), until_ns);
+    looks_by(looks, 1, now_ns + 30 * NS_PER_MS);
+    int64_t next_ns = looks_next_ns(looks, until_ns);
+    assert_in_range(next_ns, now_ns + 30 * NS_PER_MS, now_ns + 30 * NS_PER_MS + LOOKS_TURN_NS);
+    assert_int_equal(looks_take(looks, next_ns - LOOKS_TURN_NS), -1);
+    assert_int_equal(looks_take(looks, next_ns), 1);
+    looks_destroy(&looks);
+}
+
 static void an_earlier_look_stays(void **state) {
     (void)state;
     struct looks *looks = looks_create(1);
@@ -66,6 +82,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_place_comes_when_it_is_due_and_once),
         cmocka_unit_test(an_earlier_look_stays),
+        cmocka_unit_test(the_time_of_the_next_look_is_told),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,8 @@
 // What an operation tells of a cut, where it can be told by hand: on a meniscus that is a box.
 #include "step/operation.h"
 
+#include "base/clock.h"
+#include "step/fields.h"
 #include "step/session.h"
 #include "test.h"
 #include "unit/case_knee.h"
@@ -151,6 +153,65 @@ static void a_flap_that_tears_let_come_off_is_no_longer_touched(void **state) {
     scene_destroy(&torn);
 }
 
+static void sessions_share_a_tissue_until_one_of_them_cuts_it(void **state) {
+    (void)state;
+    struct operation *one = operation_create(scene, RULES_NEWEST, instruments_usual());
+    struct operation *other = operation_create(scene, RULES_NEWEST, instruments_usual());
+    const struct cut_mesh *shared = scene_tissue_mesh(scene, 0);
+    double whole_mm3 = cut_mesh_volume(shared), moved[3];
+    pose tip = {quat_identity(), {-25, 0, -11}};
+    struct job job = {
+        .id = 1, .kind = JOB_CUT, .move_count = 1, .moves = {{BLADE_SHAVER, {tip, tip}, {0}}}};
+    assert_ptr_equal(operation_mesh(one, 0), shared);
+    struct job_result *result = operation_run(one, &job);
+    assert_int_equal(result->outcome, JOB_DONE);
+    assert_ptr_not_equal(operation_mesh(one, 0), shared);
+    assert_true(cut_mesh_volume(operation_mesh(one, 0)) < whole_mm3 - 10);
+    assert_ptr_equal(operation_mesh(other, 0), shared);
+    assert_true(cut_mesh_volume(shared) == whole_mm3);
+    operation_touch(other, 0, result->touch.vertices[0], moved);
+    assert_true(moved[0] == 0 && moved[1] == 0 && moved[2] == 0);
+    job_result_destroy(&result);
+    job = (struct job){.id = 2, .kind = JOB_RESTORE};
+    result = operation_run(one, &job);
+    assert_int_equal(result->figures.mesh_number, 3);
+    assert_true(result->figures.volume_mm3 == whole_mm3);
+    assert_ptr_equal(operation_mesh(one, 0), shared);
+    job_result_destroy(&result);
+    operation_destroy(&one);
+    operation_destroy(&other);
+}
+
+// A step of a session that rests says what the one before did.
+static void a_session_rests_once_its_hands_are_lost(void **state) {
+    (void)state;
+    struct session_settings settings = session_settings_default();
+    struct session *session = session_create(scene, &settings);
+    struct session_output out[2];
+    struct session_input input = {.kind = INPUT_START, .time_ns = NS_PER_S};
+    session_step(session, &input, &out[0]);
+    assert_true(session_rests(session));
+    input = (struct session_input){.kind = INPUT_FRAME, .time_ns = 2 * NS_PER_S};
+    input.frame = (struct frame){.number = 1, .time_ns = 2 * NS_PER_S, .count = 1};
+    input.frame.samples[0] = (struct sample){.channel = CHANNEL_PROBE,
+                                             .kind = SAMPLE_POSE,
+                                             .time_ns = 2 * NS_PER_S,
+                                             .T_mockup_body = {quat_identity(), {-25, 0, 5}}};
+    session_step(session, &input, &out[0]);
+    assert_true(out[0].instruments[0].present);
+    assert_false(session_rests(session));
+    for (int i = 0; i < 2; i++) {
+        input = (struct session_input){.kind = INPUT_EMPTY, .time_ns = (9 + i) * NS_PER_S};
+        session_step(session, &input, &out[i]);
+        assert_true(session_rests(session));
+    }
+    out[1].step = out[0].step;
+    out[1].time_ns = out[0].time_ns;
+    out[0].events = 0; // that the probe was lost
+    assert_true(output_hash(1, &out[0], RULES_NEWEST) == output_hash(1, &out[1], RULES_NEWEST));
+    session_destroy(&session);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face),
@@ -158,6 +219,8 @@ int main(void) {
         cmocka_unit_test(a_blade_that_cannot_be_made_counts_as_refused),
         cmocka_unit_test(what_never_gives_way_is_touched_where_it_is_gone),
         cmocka_unit_test(what_is_as_long_as_no_tissue_is_refused_with_its_group),
+        cmocka_unit_test(sessions_share_a_tissue_until_one_of_them_cuts_it),
+        cmocka_unit_test(a_session_rests_once_its_hands_are_lost),
     };
     return cmocka_run_group_tests_name("operation", tests, make_scene, drop_scene);
 }

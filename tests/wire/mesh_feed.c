@@ -219,6 +219,34 @@ static void a_payload_outlives_its_feed(void **state) {
     tissue_fini(&tissue);
 }
 
+// Two sessions of a case: what one cuts, the other does not see, nor who comes later.
+static void feeds_that_begin_with_one_mesh_change_apart(void **state) {
+    (void)state;
+    struct source cut, whole;
+    struct tissue of_cut = {0}, of_whole = {0};
+    struct mesh_payload sent;
+    open_source(&whole, 9);
+    open_source(&cut, 9); // the same model
+    struct mesh_feed *start = whole.feed;
+    mesh_feed_destroy(&cut.feed);
+    cut.feed = mesh_feed_share(start);
+    whole.feed = mesh_feed_share(start);
+    struct mesh_cursor first = asking(0, 0), second = asking(0, 0);
+    assert_true(take(&cut, &first, &of_cut, &sent));
+    push(&cut, 0.2);
+    push(&cut, 0.2);
+    assert_true(take(&cut, &first, &of_cut, &sent));
+    assert_int_equal(sent.base, 1);
+    assert_true(take(&whole, &second, &of_whole, &sent));
+    assert_int_equal(of_whole.number, 1);
+    assert_false(take(&whole, &second, &of_whole, &sent));
+    mesh_feed_destroy(&cut.feed);
+    mesh_feed_destroy(&whole.feed);
+    mesh_feed_destroy(&start);
+    tissue_fini(&of_cut);
+    tissue_fini(&of_whole);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_station_that_asks_gets_the_whole_mesh_and_then_each_change),
@@ -228,6 +256,7 @@ int main(void) {
         cmocka_unit_test(only_the_awaited_acknowledgement_counts),
         cmocka_unit_test(a_mesh_that_cannot_travel_is_refused),
         cmocka_unit_test(a_payload_outlives_its_feed),
+        cmocka_unit_test(feeds_that_begin_with_one_mesh_change_apart),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

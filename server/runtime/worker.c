@@ -258,7 +258,7 @@ static void take_calls(struct worker *worker) {
     int index;
     while (ring_pop(worker->called, &index)) {
         struct station_runtime *station = &worker->runtime->stations[index];
-        atomic_store(&station->called, false);
+        atomic_exchange(&station->called, false); // what was left before it was called is seen
         take_connection(worker, station);
         make_due(worker, worker_place(worker->runtime, index));
     }

@@ -15,6 +15,7 @@
 // they are free.
 #pragma once
 
+#include "base/kept.h"
 #include "mesh/convex.h"
 
 #define CUT_PARTS_MAX 8
@@ -26,6 +27,9 @@ struct cut_mesh;
 enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh, struct error *err);
 struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh); // equal to the bit, ids and all
 void cut_mesh_destroy(struct cut_mesh **mesh);               // NULL inside is fine
+// Keeps a mesh, or reads one of the same origin as `whole`: equal to the bit, ids and all. NULL
+// where what is read is no such mesh.
+void cut_mesh_keep(struct cut_mesh **mesh, const struct cut_mesh *whole, struct kept *kept);
 
 // Look-ups by id. Ids are below these bounds; not every id below them is alive.
 uint32_t cut_mesh_vertex_bound(const struct cut_mesh *mesh);

@@ -27,7 +27,13 @@ void grid_init(struct triangle_grid *grid, struct box box, double cell) {
     for (set_size(grid, box); cell_count(grid) > CELLS_MAX; set_size(grid, box))
         grid->cell *= 1.25;
     grid->heads = alloc(cell_count(grid), sizeof *grid->heads);
+    grid_clear(grid);
+}
+
+void grid_clear(struct triangle_grid *grid) {
     memset(grid->heads, 0xff, cell_count(grid) * sizeof *grid->heads);
+    grid->entry_count = 0;
+    grid->free = MESH_NONE;
 }
 
 void grid_fini(struct triangle_grid *grid) {

@@ -18,6 +18,7 @@ struct triangle_grid {
 
 void grid_init(struct triangle_grid *grid, struct box box, double cell);
 void grid_fini(struct triangle_grid *grid);
+void grid_clear(struct triangle_grid *grid); // no triangle is in it
 void grid_copy(struct triangle_grid *out_grid, const struct triangle_grid *grid);
 
 // Remove a triangle with the same corners with which it was added.

@@ -21,6 +21,7 @@
 // allocate.
 #pragma once
 
+#include "base/kept.h"
 #include "match/match.h"
 
 struct conform;
@@ -30,6 +31,8 @@ struct conform *conform_create(const struct match_surface *surface);
 struct conform *
 conform_copy(const struct conform *conform);    // of the same surface, equal to the bit
 void conform_destroy(struct conform **conform); // NULL inside is fine
+// Keeps it, or reads it into one of the same surface.
+void conform_keep(struct conform *conform, struct kept *kept);
 
 vec3 conform_vertex(const struct conform *conform, uint32_t vertex); // S''
 double conform_volume(const struct conform *conform);                // inside S'', summed anew
@@ -70,5 +73,6 @@ struct conform_past {
 
 void conform_past(const struct conform *conform, struct conform_past *out_past);
 void conform_past_fini(struct conform_past *past);
+void conform_past_keep(const struct conform *conform, struct conform_past *past, struct kept *kept);
 // The conform_to calls are taken back the last one first. It is then equal to the bit.
 void conform_take_back(struct conform *conform, const struct conform_past *past);

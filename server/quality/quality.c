@@ -78,6 +78,38 @@ void quality_take_piece(struct quality *quality, const struct mesh *piece) {
     lattice_in_mesh(&quality->plan->lattice, piece, quality->windings, take, quality);
 }
 
+// ---- keeping ------------------------------------------------------------------------------------
+
+static size_t bit_bytes(const struct quality *quality) {
+    return ((size_t)quality->plan->lattice.sample_count + 7) / 8;
+}
+
+static void write_bits(const struct quality *quality, uint8_t *bits) {
+    for (uint32_t i = 0; i < quality->plan->lattice.sample_count; i++)
+        bits[i / 8] |= (uint8_t)(quality->taken[i] << i % 8);
+}
+
+// All else follows from what was taken.
+static void take_bits(struct quality *quality, const uint8_t *bits) {
+    const struct lattice *lattice = &quality->plan->lattice;
+    for (int c = 0; c < lattice_column_count(lattice); c++) {
+        const struct lattice_column *column = &lattice->columns[c];
+        for (uint32_t i = column->first; i < column->first + (uint32_t)column->count; i++)
+            if (bits[i / 8] >> i % 8 & 1)
+                take(quality, c, i, i + 1);
+    }
+}
+
+void quality_keep(struct quality *quality, struct kept *k) {
+    uint8_t *bits = alloc(bit_bytes(quality), 1);
+    if (!k->reads)
+        write_bits(quality, bits);
+    kept_bytes(k, bits, bit_bytes(quality));
+    if (k->reads)
+        take_bits(quality, bits);
+    free(bits);
+}
+
 // ---- reporting ----------------------------------------------------------------------------------
 
 static struct zone_volumes volumes_of(const uint32_t counts[ZONE_COUNT]) {

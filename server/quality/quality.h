@@ -7,6 +7,7 @@
 // mesh's frame. Only create and copy allocate.
 #pragma once
 
+#include "base/kept.h"
 #include "mesh/convex.h"
 
 enum zone_along { ZONE_ANTERIOR_HORN, ZONE_BODY, ZONE_POSTERIOR_HORN, ZONE_ALONG_COUNT };
@@ -48,6 +49,8 @@ struct quality;
 struct quality *quality_create(const struct quality_plan *plan);
 struct quality *quality_copy(const struct quality *quality); // of the same plan
 void quality_destroy(struct quality **quality);
+// Keeps it, or reads one of the same plan into a new one.
+void quality_keep(struct quality *quality, struct kept *kept);
 
 void quality_take_parts(struct quality *quality, const struct convex *parts, int count);
 void quality_take_piece(struct quality *quality, const struct mesh *piece); // closed

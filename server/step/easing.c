@@ -241,3 +241,52 @@ void easing_advance(struct easing *e, double share) {
     if (share >= 1)
         r->pending_count = 0;
 }
+
+// ---- keeping ------------------------------------------------------------------------------------
+
+uint32_t easing_pending_count(const struct easing *easing) {
+    return easing->pending_count;
+}
+
+// All is eased in.
+static void settle(struct easing *e, const struct operation *operation, int tissue) {
+    uint32_t moved = 0, count = e->group->mesh.vertex_count;
+    for (uint32_t v = 0; v < count; v++) {
+        double values[3];
+        operation_touch(operation, tissue, v, values);
+        memcpy(of(e, e->target, v), values, (size_t)e->width * sizeof *values);
+        memcpy(of(e, e->now, v), values, (size_t)e->width * sizeof *values);
+        if (!is_moved(e, v))
+            continue;
+        displace(e, e->displacement, v, of(e, e->now, v));
+        if (e->aimed)
+            displace(e, e->aimed, v, of(e, e->now, v));
+        e->pending[moved++] = v;
+    }
+    update(e, moved);
+    if (e->whole)
+        surface_integral_update(e->whole, e->pending, moved);
+}
+
+static void keep_pending(struct easing *e, uint32_t i, struct kept *k) {
+    uint32_t *vertex = &e->pending[i];
+    kept_count(k, vertex, e->group->mesh.vertex_count - 1);
+    kept_holds(k, !e->is_pending[*vertex]);
+    double *now = of(e, e->now, *vertex);
+    for (int c = 0; c < e->width; c++)
+        kept_real(k, &now[c], -KEPT_FAR_MM, KEPT_FAR_MM);
+    if (!k->reads)
+        return;
+    e->is_pending[*vertex] = true;
+    displace(e, e->displacement, *vertex, now);
+}
+
+void easing_keep(struct easing *e, const struct operation *operation, int tissue, struct kept *k) {
+    if (k->reads)
+        settle(e, operation, tissue);
+    kept_count(k, &e->pending_count, e->group->mesh.vertex_count);
+    for (uint32_t i = 0; i < e->pending_count && !k->bad; i++)
+        keep_pending(e, i, k);
+    if (k->reads)
+        update(e, e->pending_count);
+}

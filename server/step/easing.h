@@ -2,6 +2,7 @@
 // that a tip near the cut feels no jump. For session.c only.
 #pragma once
 
+#include "step/operation.h"
 #include "step/scene_parts.h"
 
 // One cuttable group of one session. It shares what the scene has until a job changes the touch.
@@ -31,6 +32,12 @@ void easing_make_room(struct easing *easing);
 
 // Sets what a job changed as the new target. Allocates nothing after easing_make_room.
 void easing_aim(struct easing *easing, const struct touch_change *touch);
+
+// Keeps what is not eased in yet, or reads it into a new easing. Its target is the touched surface
+// of the operation; who writes needs none.
+void easing_keep(struct easing *easing, const struct operation *operation, int tissue,
+                 struct kept *kept);
+uint32_t easing_pending_count(const struct easing *easing); // vertices
 
 bool easing_active(const struct easing *easing);
 

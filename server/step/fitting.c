@@ -44,6 +44,21 @@ void fitting_destroy(struct fitting **fitting) {
     *fitting = NULL;
 }
 
+void fitting_keep(struct fitting *f, struct kept *k) {
+    uint32_t count = f->count;
+    conform_keep(f->conform, k);
+    kept_count(k, &count, UINT32_MAX / 2);
+    kept_holds(k, count <= kept_left(k));
+    if (k->reads) {
+        f->room = k->bad ? 0 : count;
+        f->past = alloc(f->room, sizeof *f->past);
+    }
+    for (uint32_t i = 0; i < count && !k->bad; i++) {
+        conform_past_keep(f->conform, &f->past[i], k);
+        f->count = i + 1;
+    }
+}
+
 vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex) {
     return conform_vertex(fitting->conform, vertex);
 }

@@ -13,6 +13,9 @@ struct fitting *fitting_create(const struct match_surface *surface, const struct
                                bool lays);
 void fitting_destroy(struct fitting **fitting); // NULL inside is fine
 
+// Keeps it, or reads it into a new one of the same surface.
+void fitting_keep(struct fitting *fitting, struct kept *kept);
+
 vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex); // S''
 vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex); // S'' − S', rounded
 void fitting_place(struct fitting *fitting, uint32_t vertex, vec3 offset);

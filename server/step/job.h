@@ -75,4 +75,10 @@ struct job_result {
     struct error why; // JOB_REFUSED
 };
 
+// Keeps a job, or reads one. A cut's blade is one of the instruments that cut.
+void job_keep(struct job *job, int tissues, const struct instruments *instruments,
+              struct kept *kept);
+void blade_move_keep(struct blade_move *move, const struct instruments *instruments,
+                     struct kept *kept);
+
 void job_result_destroy(struct job_result **result); // NULL inside is fine

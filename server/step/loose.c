@@ -74,6 +74,35 @@ bool loose_has_moved(const struct loose *loose) {
     return moved;
 }
 
+static void keep_hints(const struct loose_ground *ground, struct loose_hints *hints,
+                       struct kept *k) {
+    for (int i = 0; i < ground->count; i++) {
+        uint32_t *triangle = &hints->triangle[i];
+        kept_bytes(k, triangle, sizeof *triangle);
+        kept_holds(k,
+                   *triangle == MESH_NONE || *triangle < ground->surfaces[i].mesh.triangle_count);
+    }
+    kept_bytes(k, hints->distance, sizeof hints->distance);
+    kept_bytes(k, hints->at, sizeof hints->at);
+}
+
+void loose_keep(struct loose *loose, struct kept *k) {
+    for (int i = 0; i < loose->knee->loose_count; i++) {
+        struct loose_one *one = &loose->bodies[i];
+        int state = (int)one->state;
+        kept_int(k, &state, 0, LOOSE_STATE_COUNT - 1);
+        one->state = (enum loose_state)state;
+        bool is_lying = one->state == LOOSE_LYING;
+        kept_int(k, &one->carrier, is_lying ? 0 : BODY_COUNT * (one->state == LOOSE_HELD),
+                 (is_lying ? BODY_COUNT : BODY_COUNT + INSTRUMENT_COUNT) - 1);
+        kept_pose(k, &one->T_carrier);
+        kept_pose(k, &one->T_mockup);
+        keep_hints(loose->ground, &one->hints, k);
+    }
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        kept_real(k, &loose->opening[i], 0, 1);
+}
+
 // ---- one step -----------------------------------------------------------------------------------
 
 struct stepping {

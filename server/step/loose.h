@@ -4,6 +4,7 @@
 // For session.c only.
 #pragma once
 
+#include "base/kept.h"
 #include "step/output.h"
 #include "step/settings.h"
 
@@ -24,6 +25,9 @@ struct loose *loose_create(const struct knee_case *knee, const struct loose_grou
 void loose_destroy(struct loose **loose);        // NULL inside is fine
 void loose_reset(struct loose *loose);           // back to their first places
 bool loose_has_moved(const struct loose *loose); // one is not at its first place
+
+// Keeps them, or reads them into new ones of the same knee.
+void loose_keep(struct loose *loose, struct kept *kept);
 
 // How an open jaw comes to hold and to let go, by its opening from 0 to 1: it holds what lies
 // between its jaws as it closes below the first, and lets go above the second.

@@ -15,6 +15,11 @@ struct operation *operation_create(const struct scene *scene, int rules,
                                    const struct instruments *instruments);
 void operation_destroy(struct operation **operation); // NULL inside is fine
 
+// Keeps an operation by RULES_NEWEST, or reads it into a new one of the same scene, rules and
+// instruments, from which it then does not differ by a bit. What it kept to undo faster is left
+// out. Where what is read is bad, the operation can only be destroyed.
+void operation_keep(struct operation *operation, struct kept *kept);
+
 // Runs a job. It takes milliseconds and allocates. The caller destroys the result.
 //
 // Undo goes backwards from the last stroke, to the start or to the last restore. To find a tissue's

@@ -28,6 +28,19 @@ bool session_rests(const struct session *session);
 // that ran the job, before the result lands.
 void session_make_room(struct session *session, const struct job_result *result);
 
+// Keeps a session behind a step, or reads one into a new one of the same scene and settings, which
+// then goes on with the same bits. asked: the job of that step's output; who reads runs it.
+// operation: read before, as it was before that job; who writes gives NULL.
+//
+// session_can_be_kept: not while tissues wait to be made whole, once a result was lost, by older
+// rules than RULES_NEWEST, or while so much is eased in that it would take long. Where what is read
+// is bad, the session can only be destroyed. Writing copies SESSION_KEPT_MAX bytes at most.
+#define SESSION_KEPT_MAX ((size_t)1 << 19)
+bool session_can_be_kept(const struct session *session, const struct job *asked);
+void session_keep(struct session *session, struct job *asked, const struct operation *operation,
+                  struct kept *kept);
+uint64_t session_hash(const struct session *session); // of its last step's output
+
 // Frame numbers must rise: dropping older ones is the caller's work (the runtime counts them).
 void session_step(struct session *session, const struct session_input *input,
                   struct session_output *out);

@@ -50,6 +50,28 @@ void tissue_state_release(struct tissue_state *r) {
     quality_destroy(&r->quality);
 }
 
+static void keep_mesh(struct cut_mesh **mesh, const struct cut_mesh *whole, struct kept *k) {
+    if (k->reads)
+        cut_mesh_destroy(mesh);
+    cut_mesh_keep(mesh, whole, k);
+}
+
+void tissue_state_keep(struct tissue_state *r, const struct scene_tissue *tissue, struct kept *k) {
+    bool has_solid = r->solid;
+    CHECK(!r->match);
+    keep_mesh(&r->mesh, tissue->mesh, k);
+    kept_count(k, &r->number, UINT32_MAX - 1);
+    kept_flag(k, &has_solid);
+    kept_holds(k, !has_solid || r->solid);
+    if (has_solid && r->solid)
+        keep_mesh(&r->solid, tissue->solid, k);
+    else
+        cut_mesh_destroy(&r->solid);
+    kept_count(k, &r->solid_number, UINT32_MAX - 1);
+    quality_keep(r->quality, k);
+    kept_bytes(k, &r->figures, sizeof r->figures);
+}
+
 const struct cut_mesh *tissue_state_target(const struct tissue_state *r, uint32_t *out_number) {
     *out_number = r->solid ? r->solid_number : r->number;
     return r->solid ? r->solid : r->mesh;

@@ -20,6 +20,9 @@ struct tissue_state tissue_state_whole(const struct scene_tissue *tissue, int ru
                                        uint32_t mesh_number);
 struct tissue_state tissue_state_copy(const struct tissue_state *state);
 void tissue_state_release(struct tissue_state *state);
+// Keeps one whose touch is fitted, or reads it into a whole one.
+void tissue_state_keep(struct tissue_state *state, const struct scene_tissue *tissue,
+                       struct kept *kept);
 
 // What the touch is fitted to, and the number of its last cut.
 const struct cut_mesh *tissue_state_target(const struct tissue_state *state, uint32_t *out_number);

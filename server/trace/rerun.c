@@ -26,6 +26,16 @@ struct rerun *rerun_create(const struct scene *scene, const struct session_setti
     return rerun;
 }
 
+struct rerun *rerun_go_on(struct session *session, struct operation *operation,
+                          const struct job *asked) {
+    struct rerun *rerun = alloc(1, sizeof *rerun);
+    rerun->session = session;
+    rerun->operation = operation;
+    if (asked->id)
+        rerun->pending = operation_run(operation, asked);
+    return rerun;
+}
+
 void rerun_destroy(struct rerun **rerun) {
     if (!*rerun)
         return;

@@ -9,6 +9,10 @@ struct rerun;
 
 // The scene must outlive it.
 struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings);
+// Goes on with a session, with its operation, and with the job that its last step asked for (its id
+// 0: none), which it runs. They are the rerun's.
+struct rerun *rerun_go_on(struct session *session, struct operation *operation,
+                          const struct job *asked);
 void rerun_destroy(struct rerun **rerun); // NULL inside is fine
 
 // Calls `landed` for each result: after the step at which it lands, before the next job is run.

@@ -1,0 +1,404 @@
+// A session that is kept behind any step and read again goes on with the same bits, and what is
+// read from damaged memory is refused or does no harm.
+#include "base/kept.h"
+
+#include "base/clock.h"
+#include "generated.h"
+#include "random.h"
+#include "step/operation.h"
+#include "step/scene_parts.h"
+#include "step/session.h"
+#include "test.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define STEP_NS (10 * NS_PER_MS)
+#define STEPS 1600
+#define TWINS_MAX 3
+#define TWIN_STEPS 300
+#define GRASPER (CHANNEL_FIRST_DESCRIBED - CHANNEL_FIRST_INSTRUMENT)
+#define RESOLUTION_MM 2.5
+#define SEEDS 1
+#define DAMAGES 60
+
+static struct scene *scene;
+static struct session_settings settings;
+
+static int make_scene(void **state) {
+    (void)state;
+    struct error err;
+    struct recipe recipe;
+    struct knee_case *knee;
+    struct pathology loose;
+    struct instrument grasper = instrument_grasper();
+    assert_ok(recipe_load(CASES "/everything", &recipe, &err));
+    recipe.resolution_mm = RESOLUTION_MM;
+    assert_ok(generate_knee(&recipe, &knee, &err));
+    pathology_init(&loose, PATHOLOGY_LOOSE, "loose");
+    assert_ok(pathology_take(&loose, "count", "3", &err));
+    assert_ok(pathology_check(&loose, &err));
+    assert_ok(pathology_apply(knee, &loose, 0, &err));
+    assert_ok(scene_create(&knee, &scene, &err));
+    settings = session_settings_default();
+    assert_ok(instruments_add(&settings.instruments, &grasper, &err));
+    return 0;
+}
+
+static int drop_scene(void **state) {
+    (void)state;
+    scene_destroy(&scene);
+    return 0;
+}
+
+// ---- a session and its twins --------------------------------------------------------------------
+
+struct living {
+    struct session *session;
+    struct operation *operation;
+    struct session_output out;
+    struct job_result *pending;
+};
+
+static struct living live(void) {
+    return (struct living){.session = session_create(scene, &settings),
+                           .operation =
+                               operation_create(scene, settings.rules, &settings.instruments)};
+}
+
+static void end(struct living *l) {
+    session_destroy(&l->session);
+    operation_destroy(&l->operation);
+    job_result_destroy(&l->pending);
+}
+
+static void run_job(struct living *l, const struct job *job) {
+    if (!job->id)
+        return;
+    job_result_destroy(&l->pending);
+    l->pending = operation_run(l->operation, job);
+}
+
+static void step(struct living *l, const struct session_input *input) {
+    struct session_input own = *input;
+    if (own.kind == INPUT_JOB)
+        own.result = l->pending;
+    session_step(l->session, &own, &l->out);
+    if (own.kind == INPUT_JOB)
+        job_result_destroy(&l->pending);
+}
+
+struct image {
+    struct kept session, operation;
+};
+
+static void drop(struct image *image) {
+    free(image->session.data);
+    free(image->operation.data);
+}
+
+// Before the job of the last step is run.
+static struct image keep(struct living *l) {
+    struct image image = {kept_growing(), kept_growing()};
+    session_keep(l->session, &l->out.job, NULL, &image.session);
+    operation_keep(l->operation, &image.operation);
+    assert_false(image.session.bad || image.operation.bad);
+    assert_true(image.session.used <= SESSION_KEPT_MAX);
+    return image;
+}
+
+static bool take(const struct image *image, struct living *out) {
+    struct job asked = {0};
+    struct kept session = kept_from(image->session.data, image->session.used);
+    struct kept operation = kept_from(image->operation.data, image->operation.used);
+    *out = live();
+    operation_keep(out->operation, &operation);
+    if (!operation.bad && !kept_left(&operation))
+        session_keep(out->session, &asked, out->operation, &session);
+    if (operation.bad || session.bad || kept_left(&operation) || kept_left(&session))
+        return false;
+    out->out.job = asked;
+    return true;
+}
+
+// ---- hands --------------------------------------------------------------------------------------
+
+struct hands {
+    struct random random;
+    int64_t time_ns;
+    uint64_t number;
+    vec3 tips[INSTRUMENT_COUNT], targets[INSTRUMENT_COUNT];
+    double openings[INSTRUMENT_COUNT], closing[INSTRUMENT_COUNT];
+    bool runs;
+    double flexion_deg;
+};
+
+static vec3 on_tissue(struct random *r) {
+    int tissue = (int)(random_bits(r) % (uint64_t)scene->tissue_count);
+    const struct mesh *mesh = &scene->knee->groups[scene->tissues[tissue].group].mesh;
+    vec3 p = mesh_vertex(mesh, (uint32_t)(random_bits(r) % mesh->vertex_count));
+    return vec3_add(p, random_in_box(r, 1.5));
+}
+
+static vec3 on_loose(struct random *r) {
+    const struct case_loose *loose =
+        &scene->knee->loose[random_bits(r) % (uint64_t)scene->knee->loose_count];
+    return vec3_add(loose->at, random_in_box(r, 3));
+}
+
+static void move(struct hands *h, int tool) {
+    struct random *r = &h->random;
+    vec3 way = vec3_sub(h->targets[tool], h->tips[tool]);
+    double length = vec3_length(way), most = random_between(r, 0, 0.8);
+    if (length < 0.5)
+        h->targets[tool] = tool == GRASPER ? on_loose(r) : on_tissue(r);
+    h->tips[tool] = vec3_add_scaled(h->tips[tool], length > most ? most / length : 1, way);
+    h->openings[tool] += h->closing[tool];
+    if (h->openings[tool] < 0 || h->openings[tool] > 1)
+        h->closing[tool] = -h->closing[tool];
+    h->openings[tool] = fmin(fmax(h->openings[tool], 0), 1);
+}
+
+static struct hands begin_hands(uint64_t seed) {
+    struct hands h = {.random = {seed}, .flexion_deg = 30};
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        h.tips[i] = h.targets[i] = on_tissue(&h.random);
+        h.closing[i] = random_between(&h.random, 0.02, 0.1);
+    }
+    return h;
+}
+
+static void add(struct session_input *input, struct sample sample) {
+    sample.time_ns = input->time_ns;
+    input->frame.samples[input->frame.count++] = sample;
+}
+
+static void hold(struct hands *h, int tool, struct session_input *input) {
+    enum channel channel = (enum channel)(CHANNEL_FIRST_INSTRUMENT + tool);
+    pose T = {quat_from_axis_angle((vec3){1, 0, 0}, 1.4), h->tips[tool]};
+    move(h, tool);
+    add(input, (struct sample){.channel = channel, .kind = SAMPLE_POSE, .T_mockup_body = T});
+    add(input, (struct sample){.channel = channel,
+                               .kind = SAMPLE_HANDLE,
+                               .handle = {h->openings[tool], h->runs ? 7 : 0}});
+}
+
+static void next_frame(struct hands *h, struct session_input *input) {
+    static const int tools[] = {0, CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT,
+                                CHANNEL_SHAVER - CHANNEL_FIRST_INSTRUMENT, GRASPER};
+    struct random *r = &h->random;
+    *input = (struct session_input){.kind = INPUT_FRAME, .time_ns = h->time_ns};
+    input->frame = (struct frame){.number = ++h->number, .time_ns = h->time_ns};
+    h->flexion_deg = fmin(fmax(h->flexion_deg + random_between(r, -0.5, 0.5), 0), 90);
+    add(input, (struct sample){.channel = CHANNEL_JOINT,
+                               .kind = SAMPLE_JOINT,
+                               .joint = {.flexion_deg = h->flexion_deg}});
+    for (size_t i = 0; i < sizeof tools / sizeof *tools; i++)
+        if (random_bits(r) % 50)
+            hold(h, tools[i], input);
+    if (random_bits(r) % 60 == 0)
+        h->runs = !h->runs;
+}
+
+static void next_input(struct hands *h, const struct living *l, struct session_input *out) {
+    struct random *r = &h->random;
+    h->time_ns += STEP_NS;
+    if (l->pending && random_bits(r) % 3 == 0) {
+        *out = (struct session_input){
+            .kind = INPUT_JOB, .time_ns = h->time_ns, .job = l->pending->job};
+        return;
+    }
+    next_frame(h, out);
+    uint64_t chance = random_bits(r) % 700;
+    if (l->out.state != SESSION_RUNNING)
+        out->kind = chance < 60 ? INPUT_START : chance < 100 ? INPUT_EMPTY : out->kind;
+    else if (chance < 8)
+        out->kind = chance == 0 ? INPUT_RESET : chance == 1 ? INPUT_PAUSE : INPUT_UNDO;
+}
+
+// ---- the same bits ------------------------------------------------------------------------------
+
+static void assert_same_tissue(const struct living *a, const struct living *b) {
+    for (int t = 0; t < scene->tissue_count; t++) {
+        struct mesh one, other;
+        uint32_t *of_one, *of_other;
+        cut_mesh_flatten(operation_mesh(a->operation, t), &one, NULL, &of_one);
+        cut_mesh_flatten(operation_mesh(b->operation, t), &other, NULL, &of_other);
+        assert_int_equal(one.triangle_count, other.triangle_count);
+        assert_memory_equal(one.triangles, other.triangles,
+                            3 * one.triangle_count * sizeof *one.triangles);
+        assert_memory_equal(of_one, of_other, one.triangle_count * sizeof *of_one);
+        assert_memory_equal(operation_figures(a->operation, t), operation_figures(b->operation, t),
+                            sizeof(struct tissue_figures));
+        mesh_fini(&one);
+        mesh_fini(&other);
+        free(of_one);
+        free(of_other);
+    }
+}
+
+struct twin {
+    struct living living;
+    int left; // steps; 0: there is none
+};
+
+struct tally {
+    int kept, refused, cuts, undone, grasped, asked, eased;
+};
+
+static void step_twin(struct twin *twin, const struct living *l,
+                      const struct session_input *input) {
+    step(&twin->living, input);
+    if (twin->living.out.hash != l->out.hash)
+        fail_msg("step %llu differs, %d steps behind the kept one", (unsigned long long)l->out.step,
+                 TWIN_STEPS - twin->left + 1);
+    if (--twin->left) {
+        run_job(&twin->living, &twin->living.out.job);
+        return;
+    }
+    assert_same_tissue(&twin->living, l);
+    end(&twin->living);
+}
+
+static void make_twin(struct twin *twin, struct living *l, struct tally *tally) {
+    if (!session_can_be_kept(l->session, &l->out.job)) {
+        tally->refused++;
+        return;
+    }
+    struct image image = keep(l);
+    assert_true(take(&image, &twin->living));
+    run_job(&twin->living, &twin->living.out.job);
+    if (!twin->living.pending && l->pending)
+        fail_msg("step %llu was kept with a job on its way", (unsigned long long)l->out.step);
+    twin->left = TWIN_STEPS;
+    tally->kept++;
+    tally->asked += l->out.job.id > 0;
+    drop(&image);
+}
+
+static void count(struct tally *tally, const struct session_output *out) {
+    tally->cuts += (out->events & EVENT_CUT) != 0;
+    tally->undone += (out->events & EVENT_UNDONE) != 0;
+    tally->grasped += (out->events & EVENT_GRASPED) != 0;
+}
+
+static struct tally run(uint64_t seed) {
+    struct tally tally = {0};
+    struct twin twins[TWINS_MAX] = {0};
+    struct living l = live();
+    struct hands hands = begin_hands(seed);
+    struct session_input input = {.kind = INPUT_START};
+    for (int i = 0; i < STEPS; i++) {
+        step(&l, &input);
+        count(&tally, &l.out);
+        for (int k = 0; k < TWINS_MAX; k++)
+            if (twins[k].left)
+                step_twin(&twins[k], &l, &input);
+            else if (random_bits(&hands.random) % 40 == 0)
+                make_twin(&twins[k], &l, &tally);
+        run_job(&l, &l.out.job);
+        next_input(&hands, &l, &input);
+    }
+    for (int k = 0; k < TWINS_MAX; k++)
+        if (twins[k].left)
+            end(&twins[k].living);
+    end(&l);
+    return tally;
+}
+
+static void a_session_that_is_kept_goes_on_with_the_same_bits(void **state) {
+    (void)state;
+    struct tally sum = {0};
+    for (uint64_t seed = 1; seed <= SEEDS; seed++) {
+        struct tally t = run(seed);
+        sum.kept += t.kept;
+        sum.refused += t.refused;
+        sum.cuts += t.cuts;
+        sum.undone += t.undone;
+        sum.grasped += t.grasped;
+        sum.asked += t.asked;
+    }
+    print_message("%d kept, %d with a job, %d not; %d cuts, %d undone, %d grasped\n", sum.kept,
+                  sum.asked, sum.refused, sum.cuts, sum.undone, sum.grasped);
+    assert_true(sum.kept > 8 && sum.asked > 0 && sum.cuts > 20 && sum.undone > 2);
+}
+
+// ---- damage -------------------------------------------------------------------------------------
+
+static void go_on(struct living *l, struct hands hands) {
+    struct session_input input;
+    run_job(l, &l->out.job);
+    hands.time_ns += 3600 * NS_PER_S; // the damaged clock may be ahead
+    for (int i = 0; i < 20 && l->out.time_ns <= hands.time_ns; i++) {
+        next_input(&hands, l, &input);
+        step(l, &input);
+        run_job(l, &l->out.job);
+    }
+}
+
+static void damage(struct random *r, struct kept *k) {
+    size_t at = random_bits(r) % k->used;
+    switch (random_bits(r) % 3) {
+    case 0:
+        k->data[at] ^= (uint8_t)(1 << random_bits(r) % 8);
+        break;
+    case 1:
+        k->data[at] = (uint8_t)random_bits(r);
+        break;
+    default:
+        k->used = at;
+        break;
+    }
+}
+
+static struct living cut_a_while(struct hands *hands) {
+    struct living l = live();
+    struct session_input input = {.kind = INPUT_START};
+    for (int i = 0; i < 700 || !session_can_be_kept(l.session, &l.out.job); i++) {
+        run_job(&l, &l.out.job);
+        step(&l, &input);
+        next_input(hands, &l, &input);
+        if (input.kind == INPUT_RESET)
+            input.kind = INPUT_EMPTY;
+    }
+    return l;
+}
+
+static struct image copy_of(const struct image *image) {
+    struct image copy = {kept_growing(), kept_growing()};
+    kept_bytes(&copy.session, image->session.data, image->session.used);
+    kept_bytes(&copy.operation, image->operation.data, image->operation.used);
+    return copy;
+}
+
+static void damaged_memory_is_refused_or_harmless(void **state) {
+    (void)state;
+    struct random r = {7};
+    struct hands hands = begin_hands(11);
+    struct living l = cut_a_while(&hands);
+    struct image image = keep(&l);
+    int refused = 0;
+    for (int i = 0; i < DAMAGES; i++) {
+        struct image damaged = copy_of(&image);
+        struct living other;
+        damage(&r, i % 2 ? &damaged.session : &damaged.operation);
+        if (take(&damaged, &other))
+            go_on(&other, hands);
+        else
+            refused++;
+        end(&other);
+        drop(&damaged);
+    }
+    print_message("%d of %d refused\n", refused, DAMAGES);
+    assert_true(refused > DAMAGES / 4);
+    drop(&image);
+    end(&l);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_session_that_is_kept_goes_on_with_the_same_bits),
+        cmocka_unit_test(damaged_memory_is_refused_or_harmless),
+    };
+    return cmocka_run_group_tests(tests, make_scene, drop_scene);
+}

@@ -1,52 +1,18 @@
 #include "base/check.h"
 #include "trace/buffer.h"
-#include "trace/record.h"
+#include "trace/reader_parts.h"
 
 #include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-// The touch of the next job to land, put together from its parts.
-struct gathering {
-    uint64_t job; // 0: none
-    int tissue;
-    uint32_t whole, size;
-    uint8_t *bytes;
-    struct touch_change touch; // once it is whole
-    struct trace_place place;  // before its first part
-};
-
-struct trace_reader {
-    FILE *file;
-    char *path;
-    uint64_t size;
-    struct trace_header header;
-    struct trace_place place; // time 0 before the first step: where a session's clock begins
-    struct chain chain;
-    uint8_t before[TRACE_HASH_SIZE]; // the last record
-    bool bound;                      // to a scene with so many
-    int tissues, groups, torn;
-    uint32_t tissue_vertices[TISSUES_MAX];
-    uint8_t data[RECORD_MAX]; // of the last record
-    struct gathering gathering;
-    bool landed;       // the gathered touch, with the last record
-    uint32_t attempts; // the number of the last one that began
-    bool attempted;    // it has not ended
-    bool ended;        // the end record was read
-    bool damaged;      // records were left out: what is read need not follow from what came before
-    bool foreign;      // no writer wrote what stands where reading has ended
-    struct trace_end end;
-    uint8_t seal[TRACE_SEAL_SIZE];
-    enum result state; // anything but OK: reading has ended so
-    struct error why;
-};
-
-static enum result unreadable(const struct trace_reader *r, struct error *err) {
+enum result reader_unreadable(const struct trace_reader *r, struct error *err) {
     return fail(err, RESULT_IO, "%s: %s", r->path, strerror(errno));
 }
+
+#define READ_AT_ONCE ((size_t)1 << 17) // of the file
 
 // Reads exactly `size` bytes; RESULT_MISSING where the file has no more.
 static enum result read_exactly(struct trace_reader *r, void *out, size_t size, struct error *err) {
@@ -84,11 +50,12 @@ enum result trace_reader_create(const char *path, struct trace_reader **out_read
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     struct trace_reader *r = alloc(1, sizeof *r);
     r->file = file;
+    setvbuf(file, NULL, _IOFBF, READ_AT_ONCE);
     r->path = alloc_text(path);
     chain_init(&r->chain);
     struct stat status = {0};
     enum result result =
-        fstat(fileno(file), &status) == 0 ? read_header(r, err) : unreadable(r, err);
+        fstat(fileno(file), &status) == 0 ? read_header(r, err) : reader_unreadable(r, err);
     r->size = (uint64_t)status.st_size;
     if (result != RESULT_OK) {
         trace_reader_destroy(&r);
@@ -326,7 +293,10 @@ static enum result read_record(struct trace_reader *r, struct trace_record *out,
     if (r->ended)
         return read_behind(r, err);
     size_t rest;
-    enum result result = read_exactly(r, data, RECORD_PREFIX, err);
+    enum result result = reader_hop(r, err);
+    if (result != RESULT_OK)
+        return result;
+    result = read_exactly(r, data, RECORD_PREFIX, err);
     if (result == RESULT_OK)
         result = record_decode_prefix(data, r->header.version, &rest, err);
     r->foreign = result == RESULT_FORMAT;
@@ -392,14 +362,14 @@ enum result trace_skip_damage(struct trace_reader *r, uint64_t *out_bytes, struc
         memcpy(r->chain.value, data + at - TRACE_HASH_SIZE, TRACE_HASH_SIZE);
     free(data);
     if (!readable)
-        return unreadable(r, err);
+        return reader_unreadable(r, err);
     if (!found)
         return fail(err, RESULT_MISSING, "%s: no whole record after byte %llu", r->path,
                     (unsigned long long)r->place.offset);
     *out_bytes = at;
     r->place.offset += at;
     if (fseeko(r->file, (off_t)r->place.offset, SEEK_SET))
-        return unreadable(r, err);
+        return reader_unreadable(r, err);
     r->state = RESULT_OK;
     r->damaged = true;
     r->foreign = false;

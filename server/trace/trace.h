@@ -142,6 +142,10 @@ bool trace_takes_attempts(const struct trace_writer *writer);
 uint64_t trace_position(const struct trace_writer *writer);
 bool trace_is_on_disk(const struct trace_writer *writer, uint64_t position);
 
+// The place behind a step whose append has left the caller at this position, but for its hash.
+void trace_place_behind(const struct trace_writer *writer, uint64_t position,
+                        const struct session_output *output, struct trace_place *out_place);
+
 // Whether a writer of any process has the file.
 bool trace_is_written(const char *path);
 
@@ -244,6 +248,13 @@ struct trace_place trace_reader_place(const struct trace_reader *reader);
 uint64_t trace_reader_offset(const struct trace_reader *reader); // bytes of whole records so far
 uint64_t trace_reader_size(const struct trace_reader *reader);   // of the file when it was opened
 
+// From the trace's beginning on, steps and touches before `to` are passed over: neither checked nor
+// decoded, except those of attempts, which are judged by them. RESULT_REFUSED: the record before
+// `to` is not the step with this hash of its output, or another hash ends it. RESULT_IO: the file
+// cannot be read.
+enum result trace_reader_skim(struct trace_reader *reader, const struct trace_place *to,
+                              uint64_t output_hash, struct error *err);
+
 // RESULT_OK: *out_record is the next record. RESULT_CLOSED: the end record was read.
 // RESULT_MISSING: the file ends before it; the error names the byte. RESULT_CORRUPT: a checksum is
 // wrong. RESULT_FORMAT: a value is out of range or contradicts the record before. After any result
@@ -268,7 +279,8 @@ enum result trace_skip_damage(struct trace_reader *reader, uint64_t *out_bytes, 
 bool trace_ends_torn(struct trace_reader *reader);
 
 // From now on a record with a tissue, a group or a torn ligament that the scene lacks is
-// RESULT_FORMAT; so is the first record where the case has not as many loose bodies as the trace. The scene must be of the case on which the trace was recorded.
+// RESULT_FORMAT; so is the first record where the case has not as many loose bodies as the trace.
+// The scene must be of the case on which the trace was recorded.
 void trace_reader_bind(struct trace_reader *reader, const struct scene *scene);
 
 // Whether a trace lacks its end record and is of a version that a server could still give one.

@@ -156,6 +156,19 @@ bool trace_is_on_disk(const struct trace_writer *w, uint64_t position) {
     return atomic_load(&w->synced) >= position;
 }
 
+void trace_place_behind(const struct trace_writer *w, uint64_t position,
+                        const struct session_output *output, struct trace_place *out) {
+    struct trace_status status = trace_writer_status(w);
+    *out = (struct trace_place){.offset = w->offset + position,
+                                .step = output->step,
+                                .records = status.records,
+                                .missing = status.missing,
+                                .past = output->step - status.records - status.missing,
+                                .time_ns = output->time_ns,
+                                .version = w->version,
+                                .rules = w->rules};
+}
+
 static enum result wait_for_room(struct trace_writer *w, size_t size, struct error *err) {
     while (!buffer_has_room(&w->buffer, size)) {
         if (atomic_load(&w->failing))

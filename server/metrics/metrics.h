@@ -5,6 +5,7 @@
 // allocates, fails or reads a clock.
 #pragma once
 
+#include "base/kept.h"
 #include "metrics/force.h"
 #include "metrics/hands.h"
 #include "metrics/touch.h"
@@ -67,6 +68,9 @@ struct metrics {
 
 void metrics_init(struct metrics *metrics, const struct instruments *tools,
                   struct view_optic optic);
+
+// Keeps metrics, or reads them into new ones of the same session (base/kept.h).
+void metrics_keep(struct metrics *metrics, struct kept *kept);
 
 // Adds the session's next step. INPUT_RESET sets all metrics back.
 void metrics_step(struct metrics *metrics, const struct session_input *input,

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "runtime/keeper.h"
 #include "runtime/mesh_sender.h"
 
 #include <errno.h>
@@ -20,17 +21,18 @@
 #define MESH_REQUESTS_MAX 1024
 #define NICE 10
 
-enum task_kind { TASK_OPEN, TASK_RUN, TASK_RELEASE, TASK_CLOSE };
+enum task_kind { TASK_OPEN, TASK_RUN, TASK_KEEP, TASK_RELEASE, TASK_CLOSE };
 
 // From the worker. A session has one job on its way at most, so the ring never overflows.
 struct cut_task {
     enum task_kind kind;
     int station;
     struct session_runtime *session; // TASK_OPEN, TASK_CLOSE
-    uint64_t serial;                 // TASK_RUN: of the session
+    uint64_t serial;                 // TASK_RUN, TASK_KEEP: of the session
     enum session_end end;            // TASK_CLOSE
     const struct job *job;           // TASK_RUN: the station's
     struct job_result *result;       // TASK_RELEASE
+    struct session_image *image;     // TASK_KEEP
 };
 
 struct job_done {
@@ -146,10 +148,22 @@ static void run(struct cut_worker *c, const struct cut_task *task) {
         hand_over_result(c, task, result);
 }
 
+static void keep(struct cut_worker *c, const struct cut_task *task) {
+    struct session_runtime *session = cut_station(c, task->station)->session;
+    struct session_image *image = task->image;
+    CHECK(session && session->serial == task->serial);
+    image->operation = kept_growing();
+    operation_keep(session->operation, &image->operation);
+    atomic_store(&station_of(c, task->station)->kept_bytes, image->operation.used);
+    keeper_write(c->worker->runtime->keeper, image);
+}
+
 static void close_session(struct cut_worker *c, const struct cut_task *task) {
     struct cut_station *own = cut_station(c, task->station);
     mesh_sender_close(&own->sender);
     own->session = NULL;
+    if (task->end != END_HANDED_OVER && task->session->trace_file[0])
+        keeper_remove(c->worker->runtime->keeper, task->session->trace_file);
     notify(c, &(struct runtime_notice){.kind = NOTICE_ENDED,
                                        .station = task->station,
                                        .session = task->session->serial,
@@ -159,6 +173,7 @@ static void close_session(struct cut_worker *c, const struct cut_task *task) {
 
 static const char *const doing[] = {[TASK_OPEN] = "show a session's meshes",
                                     [TASK_RUN] = "run a cut, an undo or a restore",
+                                    [TASK_KEEP] = "keep a session's state",
                                     [TASK_RELEASE] = "release a result",
                                     [TASK_CLOSE] = "end a session"};
 
@@ -170,6 +185,9 @@ static void take_task(struct cut_worker *c, struct cut_task *task) {
         break;
     case TASK_RUN:
         run(c, task);
+        break;
+    case TASK_KEEP:
+        keep(c, task);
         break;
     case TASK_RELEASE:
         job_result_destroy(&task->result);
@@ -345,6 +363,12 @@ void cut_worker_open(struct cut_worker *c, int station, struct session_runtime *
 void cut_worker_run(struct cut_worker *c, int station, uint64_t session, const struct job *job) {
     give(c,
          &(struct cut_task){.kind = TASK_RUN, .station = station, .serial = session, .job = job});
+}
+
+void cut_worker_keep(struct cut_worker *c, int station, uint64_t session,
+                     struct session_image *image) {
+    give(c, &(struct cut_task){
+                .kind = TASK_KEEP, .station = station, .serial = session, .image = image});
 }
 
 void cut_worker_close(struct cut_worker *c, int station, struct session_runtime *session,

@@ -18,6 +18,10 @@ void cut_worker_open(struct cut_worker *cut_worker, int station, struct session_
 // The job stays where it is until its result is there.
 void cut_worker_run(struct cut_worker *cut_worker, int station, uint64_t session,
                     const struct job *job);
+// Keeps the session beside its trace: the image has the worker's part, and the cut worker adds its
+// own, as it is behind the jobs given before.
+void cut_worker_keep(struct cut_worker *cut_worker, int station, uint64_t session,
+                     struct session_image *image);
 // The session goes to its owner (NOTICE_ENDED) once its jobs are done.
 void cut_worker_close(struct cut_worker *cut_worker, int station, struct session_runtime *session,
                       enum session_end end);

@@ -9,6 +9,7 @@
 #include "runtime/drift.h"
 #include "runtime/fair_share.h"
 #include "runtime/frame_order.h"
+#include "runtime/keeping.h"
 #include "runtime/late_frames.h"
 #include "runtime/progress.h"
 #include "runtime/real_time.h"
@@ -76,8 +77,9 @@ struct station_runtime {
     pthread_mutex_t tissues_lock; // for copies only; the worker takes no part
     struct tissue_report tissues; // from the cut worker
 
-    atomic_uint_fast64_t job; // on its way, set by the worker; 0: none
-    struct job job_given;     // the same; the cut worker reads it
+    atomic_uint_fast64_t job;        // on its way, set by the worker; 0: none
+    struct job job_given;            // the same; the cut worker reads it
+    atomic_uint_fast64_t kept_bytes; // of its session's last state, set by the cut worker
 
     // The worker's alone:
     struct session_runtime *session; // NULL: none
@@ -107,6 +109,7 @@ struct station_runtime {
     } undo;              // that is on its way: one at a time
     struct device_watch device_watch;
     struct drift drift[INSTRUMENT_COUNT];
+    struct keeping keeping;
 };
 
 enum request_kind { REQUEST_ATTACH, REQUEST_INPUT, REQUEST_REMARK, REQUEST_ATTEMPT, REQUEST_LEAVE };
@@ -130,12 +133,15 @@ struct worker_request {
 
 struct cut_worker;
 struct looks;
+struct keeper;
+struct session_image;
 
 struct worker {
     struct runtime *runtime;
     int index;
     pthread_t thread;
     struct cut_worker *cut_worker;
+    struct session_image *image; // of the session whose state is being kept
     struct datagram_endpoint *endpoint;
     int wake_fd;
     struct progress progress;
@@ -157,6 +163,7 @@ struct runtime {
     struct worker *workers;
     int worker_count;
     struct watchdog *watchdog;
+    struct keeper *keeper;
     bool hand_over; // before stop is set
     atomic_bool stop;
 };

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "runtime/cut_worker.h"
+#include "runtime/keeper.h"
 #include "runtime/watchdog.h"
 #include "runtime/worker.h"
 
@@ -68,6 +69,7 @@ enum result runtime_create(const struct runtime_config *config, struct runtime *
     r->stations = alloc((size_t)config->station_count + 1, sizeof *r->stations);
     for (int i = 0; i < config->station_count; i++)
         open_station(r, i);
+    r->keeper = keeper_create();
     r->workers = alloc((size_t)config->workers, sizeof *r->workers);
     r->worker_count = config->workers;
     for (int i = 0; i < config->workers && result == RESULT_OK; i++)
@@ -89,6 +91,7 @@ void runtime_stop(struct runtime *r, bool hand_over) {
     atomic_store(&r->stop, true);
     for (int i = 0; i < r->worker_count; i++)
         worker_stop(&r->workers[i]);
+    keeper_destroy(&r->keeper);
     watchdog_destroy(&r->watchdog);
 }
 

@@ -171,3 +171,26 @@ int64_t snapshot_period_ns(const arthron_Watch *watch) {
     uint32_t rate_hz = watch->rate_hz ? watch->rate_hz : RATE_USUAL_HZ;
     return NS_PER_S / (rate_hz < RATE_MOST_HZ ? rate_hz : RATE_MOST_HZ);
 }
+
+// ---- keeping ------------------------------------------------------------------------------------
+
+static bool is_sound(const struct step_snapshot *s) {
+    bool sound = (unsigned)s->state < SESSION_STATE_COUNT &&
+                 (unsigned)s->joint_validity < VALIDITY_COUNT && s->loose_count >= 0 &&
+                 s->loose_count <= CASE_LOOSE_MAX;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        sound = sound && (unsigned)s->instruments[i].validity < VALIDITY_COUNT;
+    for (int i = 0; i < CASE_LOOSE_MAX; i++)
+        sound = sound && (unsigned)s->loose[i].state < LOOSE_STATE_COUNT;
+    return sound;
+}
+
+void snapshot_keep(struct snapshot_maker *maker, struct kept *k) {
+    struct snapshot_maker was = *maker;
+    kept_bytes(k, maker, sizeof *maker);
+    kept_holds(k, is_sound(&maker->now));
+    if (!k->reads)
+        return;
+    maker->now.session = was.now.session;
+    maker->start_ns = was.start_ns;
+}

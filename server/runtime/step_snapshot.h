@@ -47,6 +47,9 @@ struct snapshot_maker {
 
 void snapshot_begin(struct snapshot_maker *maker, uint64_t session, int64_t start_ns);
 
+// Keeps a maker, or reads one that snapshot_begin has made for the same session.
+void snapshot_keep(struct snapshot_maker *maker, struct kept *kept);
+
 // Makes maker->now from the next step. The velocity of a tip follows the measured motion with a
 // time constant of 50 ms, so that a tracker's noise does not add up to speed:
 //     v += (dt / (50 ms + dt)) (dx/dt − v)

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "runtime/attempts.h"
+#include "runtime/capture.h"
 #include "runtime/cut_worker.h"
 #include "runtime/looks.h"
 #include "runtime/reply.h"
@@ -114,6 +115,7 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
     session_step(station->session->session, input, output);
     progress_note(&worker->progress, "record a step", station->index);
     trace_append(station->session->trace, input, output);
+    uint64_t end = trace_position(station->session->trace);
     struct trace_status recorded = trace_writer_status(station->session->trace);
     atomic_store_explicit(&station->counts.steps, recorded.records, memory_order_relaxed);
     fair_share_record(&station->share, recorded.bytes);
@@ -123,6 +125,7 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
     count_events(station, output->events);
     if (output->events & EVENT_STATE)
         change_state(worker, station, output->state);
+    capture_step(worker, station, output, end);
     order_job(worker, station, output);
     if (output->state == SESSION_CLOSED)
         retire(worker, station, step_is_deserted(worker, station) ? END_DESERTED : END_CLOSED);

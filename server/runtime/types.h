@@ -70,6 +70,8 @@ struct live_attempt {
     arthron_AttemptState state; // number 0: the session has none yet
 };
 
+#define TRACE_FILE_MAX 256
+
 // A session with its trace. The owner of the sessions fills it in, and releases it after
 // NOTICE_ENDED. In between, session and trace belong to one worker, and the operation to that
 // worker's cut worker.
@@ -90,6 +92,7 @@ struct session_runtime {
     uint32_t attempts;               // that its trace has
     uint32_t attempt_lost;           // number of one that runs there and cannot go on; 0: none
     struct session_attempt *attempt; // NULL: none runs
+    char trace_file[TRACE_FILE_MAX]; // beside which its state is kept; empty: it is not
 };
 
 struct session_marker {

@@ -6,6 +6,7 @@
 #include "runtime/attempts.h"
 #include "runtime/cut_worker.h"
 #include "runtime/frames.h"
+#include "runtime/keeper.h"
 #include "runtime/looks.h"
 #include "runtime/markers.h"
 #include "runtime/session_begin.h"
@@ -359,6 +360,7 @@ enum result worker_start(struct runtime *runtime, int index, struct error *err) 
     worker->called = ring_create(worker_room(runtime, index, 1, 1), sizeof(int));
     worker->looks = looks_create(stations);
     worker->due = alloc((size_t)stations, sizeof *worker->due);
+    worker->image = session_image_create();
     worker->cut_worker = cut_worker_create(worker);
     int failed = pthread_create(&worker->thread, NULL, work, worker);
     NEED(!failed, "thread");
@@ -382,5 +384,6 @@ void worker_release(struct worker *worker) {
     looks_destroy(&worker->looks);
     free(worker->due);
     cut_worker_destroy(&worker->cut_worker);
+    session_image_destroy(&worker->image);
     pthread_mutex_destroy(&worker->request_lock);
 }

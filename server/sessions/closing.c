@@ -7,13 +7,14 @@
 #include "sessions/resume.h"
 #include "trace/catalogue.h"
 #include "trace/player.h"
+#include "trace/state.h"
 
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define NICE 10 // behind workers
+#define NICE 10                     // behind workers
 #define AT_THE_END_BYTES (64 << 20) // of a trace that is still closed while the server ends
 
 // ---- how far it goes ----------------------------------------------------------------------------
@@ -91,6 +92,7 @@ void closing_close(struct sessions *s, const char *path, const char *why) {
         say_why(writer, &trace, why);
     trace_writer_destroy(&writer);
     clear_marker(path);
+    trace_state_remove(path);
     log_warning("sessions", "%s: closed, its end was missing%s%s", path, had_ended ? "" : ": ",
                 had_ended ? "" : why);
     recorder_put_trace(s->recorder, path);
@@ -129,8 +131,11 @@ static bool look_at(void *user, const struct trace_entry *entry) {
     struct error why;
     if (sessions_are_ending(s) && is_large(entry->path))
         return true;
-    if (strlen(entry->path) < SESSIONS_PATH_MAX && !trace_is_written(entry->path) &&
-        trace_is_open(entry->path) && is_given_up(s, entry, &why))
+    if (strlen(entry->path) >= SESSIONS_PATH_MAX || trace_is_written(entry->path))
+        return true;
+    if (!trace_is_open(entry->path))
+        trace_state_remove(entry->path); // of a server that was killed just then
+    else if (is_given_up(s, entry, &why))
         close_if_own(s, entry->path, why.text);
     return true;
 }

@@ -94,6 +94,7 @@ void opening_attach(struct sessions *s, int station, struct open_session *sessio
     struct session_about about;
     opening_about(s, header, scene, trace, &about);
     runtime->serial = about.serial;
+    memcpy(runtime->trace_file, about.trace, sizeof runtime->trace_file);
     snapshot_begin(&runtime->snapshots, about.serial, header->start_ns);
     runtime->metrics = (struct live_metrics){.session = about.serial, .scene = runtime->scene};
     metrics_init(&runtime->metrics.metrics, &header->settings.instruments, header->optic);

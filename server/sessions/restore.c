@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "runtime/kept_session.h"
 #include "sessions/attempts.h"
 #include "trace/player.h"
 #include "trace/rerun.h"
@@ -25,6 +26,13 @@ static bool is_behind(const struct restored *a, const struct trace_record *recor
         return false;
     int64_t since_ns = record->input.time_ns - a->header.start_ns;
     return record->input.kind == INPUT_STOP || (double)since_ns / NS_PER_S > at_s;
+}
+
+// One that needs not be run: what it gave is recorded, and an attempt is judged by that.
+static void take_kept_step(struct restored *a, const struct trace_record *record) {
+    if (a->attempt && record->type == TRACE_STEP)
+        attempt_take(&a->attempt->attempt, shared_site_site(a->attempt->site), record->input.kind,
+                     &record->output);
 }
 
 static enum result take_step(struct restored *a, const char *path, struct rerun *rerun,
@@ -87,6 +95,7 @@ struct resume_run {
     struct restored *restored;
     struct trace_reader *reader;
     struct rerun *rerun;
+    uint64_t kept; // what is before it in the file needs not be run
     const char *path;
     const double *at_s;
     bool reached; // at_s
@@ -97,15 +106,18 @@ struct resume_run {
 static bool on_record(void *user, const struct trace_record *record) {
     struct resume_run *r = user;
     struct restored *a = r->restored;
+    bool is_kept = record->offset < r->kept;
     if (sessions_are_ending(r->sessions))
         r->result = fail(r->err, RESULT_TIMEOUT, "%s: the server ends", r->path);
     else if (r->at_s && is_behind(a, record, *r->at_s))
         r->reached = true;
     else if (record->type == TRACE_GAP)
         r->result = fail(r->err, RESULT_REFUSED, "%s: steps are missing in it", r->path);
+    else if (is_kept && (record->type == TRACE_STEP || record->type == TRACE_PAST))
+        take_kept_step(a, record);
     else if (record->type == TRACE_STEP || record->type == TRACE_PAST)
         r->result = take_step(a, r->path, r->rerun, record, r->err);
-    else if (record->type == TRACE_RESUME)
+    else if (record->type == TRACE_RESUME && !is_kept)
         metrics_interrupt(&a->metrics);
     else if (record->type == TRACE_REMARK)
         remarks_put(&a->remarks, &record->remark);
@@ -178,8 +190,41 @@ static enum result refuse(const struct sessions *s, const struct restored *a, co
     return fail(err, RESULT_REFUSED, "%s: this server has not its case", path);
 }
 
-enum result restore_run(const struct sessions *s, const char *path, const double *at_s,
-                        struct restored *out, struct error *err) {
+// ---- from its state -----------------------------------------------------------------------------
+
+static enum result begin_kept(struct restored *a, const struct scene *scene,
+                              struct trace_reader *reader, const struct trace_state *state,
+                              struct rerun **out_rerun, struct error *err) {
+    struct kept_session kept;
+    enum result result = trace_reader_skim(reader, &state->place, state->output_hash, err);
+    if (result == RESULT_OK)
+        result = kept_session_read(state, scene, &a->header, &kept, err);
+    if (result != RESULT_OK)
+        return result;
+    *out_rerun = rerun_go_on(kept.session, kept.operation, &kept.asked);
+    a->metrics = kept.metrics;
+    a->snapshots = kept.snapshots;
+    a->state = kept.snapshots.now.state;
+    a->kept_step = state->place.step;
+    return RESULT_OK;
+}
+
+static enum result begin_rerun(struct restored *a, const struct scene *scene,
+                               struct trace_reader *reader, const struct trace_state *state,
+                               struct rerun **out_rerun, struct error *err) {
+    *out_rerun = NULL;
+    if (state)
+        return begin_kept(a, scene, reader, state, out_rerun, err);
+    metrics_init(&a->metrics, &a->header.settings.instruments, a->header.optic);
+    snapshot_begin(&a->snapshots, 0, a->header.start_ns);
+    *out_rerun = rerun_create(scene, &a->header.settings);
+    return RESULT_OK;
+}
+
+// state: NULL for all of the trace.
+static enum result run_trace(const struct sessions *s, const char *path, const double *at_s,
+                             const struct trace_state *state, struct restored *out,
+                             struct error *err) {
     struct trace_reader *reader;
     memset(out, 0, sizeof *out);
     enum result result = trace_reader_create(path, &reader, err);
@@ -192,13 +237,14 @@ enum result restore_run(const struct sessions *s, const char *path, const double
         trace_reader_destroy(&reader);
         return result;
     }
-    metrics_init(&out->metrics, &out->header.settings.instruments, out->header.optic);
-    snapshot_begin(&out->snapshots, 0, out->header.start_ns);
-    struct rerun *rerun = rerun_create(s->scenes[out->scene], &out->header.settings);
+    struct rerun *rerun;
     out->place = trace_reader_place(reader);
     trace_reader_bind(reader, s->scenes[out->scene]);
-    struct resume_run running = {s, out, reader, rerun, path, at_s, false, RESULT_OK, err};
-    result = run(&running);
+    result = begin_rerun(out, s->scenes[out->scene], reader, state, &rerun, err);
+    uint64_t kept = state ? state->place.offset : 0;
+    struct resume_run running = {s, out, reader, rerun, kept, path, at_s, false, RESULT_OK, err};
+    if (result == RESULT_OK)
+        result = run(&running);
     if (is_beyond(&running, result))
         result = refuse_beyond(&running);
     if (result == RESULT_MISSING || (at_s && result == RESULT_CLOSED))
@@ -206,6 +252,34 @@ enum result restore_run(const struct sessions *s, const char *path, const double
     rerun_destroy(&rerun);
     trace_reader_destroy(&reader);
     return result;
+}
+
+static bool find_state(const char *path, struct trace_state *out) {
+    struct error why;
+    enum result result = trace_state_read(path, out, &why);
+    if (result != RESULT_OK && result != RESULT_MISSING)
+        log_warning("sessions", "%s: all of it is run again: %s", path, why.text);
+    return result == RESULT_OK;
+}
+
+static bool is_over(enum result result) {
+    return result == RESULT_MISSING || result == RESULT_CLOSED || result == RESULT_TIMEOUT;
+}
+
+// A copy is of any time, so that its trace is run from the beginning.
+enum result restore_run(const struct sessions *s, const char *path, const double *at_s,
+                        struct restored *out, struct error *err) {
+    struct trace_state state;
+    if (at_s || !find_state(path, &state))
+        return run_trace(s, path, at_s, NULL, out, err);
+    enum result result = run_trace(s, path, at_s, &state, out, err);
+    free(state.content);
+    if (is_over(result))
+        return result;
+    log_warning("sessions", "%s: its state does not fit, so all of it is run again: %s", path,
+                err->text);
+    restore_fini(out);
+    return run_trace(s, path, at_s, NULL, out, err);
 }
 
 void restore_fini(struct restored *a) {

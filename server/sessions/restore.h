@@ -1,5 +1,6 @@
 // Runs a recorded session again, to go on with it. A session's state follows from its inputs, which
-// the trace contains.
+// the trace contains. Where its state was kept beside the trace, and is that of the trace, only the
+// inputs behind it are run.
 #pragma once
 
 #include "sessions/opening.h"
@@ -7,6 +8,7 @@
 struct restored {
     struct trace_header header;
     struct trace_place place; // the end of the part that was run
+    uint64_t kept_step;       // the last one that needed not be run; 0: all were
     enum session_state state;
     int scene;              // index of its case in the config; -1: not a case of this server
     struct metrics metrics; // of the steps recorded in this trace

@@ -10,6 +10,7 @@
 #include "sessions/own.h"
 #include "sessions/restore.h"
 #include "trace/catalogue.h"
+#include "trace/state.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -165,9 +166,10 @@ static int64_t resume_one(void *data) {
         go_on(r);
     if (result == RESULT_MISSING)
         log_warning("sessions",
-                    "station %s: its session was open when the server ended; run again to "
-                    "step %llu in %.1f s",
-                    station, (unsigned long long)r->restored.place.step,
+                    "station %s: its session was open when the server ended; run again from step "
+                    "%llu to step %llu in %.1f s",
+                    station, (unsigned long long)r->restored.kept_step + 1,
+                    (unsigned long long)r->restored.place.step,
                     (double)(clock_now_ns() - begin_ns) / 1e9);
     else if (result == RESULT_IO)
         set_aside(r, &err);
@@ -233,6 +235,7 @@ static void attach(struct resumed *r) {
     struct session_about about;
     opening_about(s, &r->restored.header, r->restored.scene, r->path, &about);
     runtime->serial = about.serial;
+    memcpy(runtime->trace_file, about.trace, sizeof runtime->trace_file);
     runtime->snapshots.now.session = runtime->metrics.session = about.serial;
     if (runtime->attempt)
         runtime->attempt->session = about.serial;
@@ -253,6 +256,7 @@ static bool open_trace(struct resumed *r) {
     if (was_closed) {
         if (result == RESULT_OK)
             trace_writer_destroy(&runtime->trace);
+        trace_state_remove(r->path);
         restore_fini(&r->restored);
     } else if (result != RESULT_OK) {
         give_up(r, &err);

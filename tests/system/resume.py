@@ -2,6 +2,7 @@
 """The server is killed and started again: its sessions go on where they were, in their traces."""
 
 import os
+import re
 import resource
 import shutil
 import signal
@@ -100,6 +101,61 @@ class Resume(Bites):
         self.assertEqual(call_json("arthron-trace", "replay", session["trace"])["verdict"], "identical")
         self.assertEqual(call_json("arthron-trace", "info", session["trace"])["resumes"], 3)
         self.assertEqual(len(os.listdir(self.traces)), 1)
+
+    def run_again(self):
+        """The steps that the server ran again at its start: from, to."""
+        steps = re.search(r"run again from step (\d+) to step (\d+)", self.server.log())
+        return int(steps[1]), int(steps[2])
+
+    def cut_until_its_state_is_kept(self):
+        """The session, the path of its state, and its tissue at rest."""
+        self.start_station()
+        wait_until("a session", lambda: self.session()["steps"] > 0, 30)
+        session = self.session()
+        state = session["trace"] + ".state"
+        wait_until("its state", lambda: os.path.exists(state), 90)
+        self.wait_for_steps(50)
+        self.pause()
+        time.sleep(0.1)  # five times what a kill may cost
+        return session, state, self.resection()
+
+    def assert_goes_on(self, session, before):
+        after, again = self.resection(), self.session()
+        self.assertEqual({key: after[key] for key in STATE}, {key: before[key] for key in STATE})
+        self.assertEqual((again["id"], again["trace"], again["state"]), (session["id"], session["trace"], "paused"))
+
+    def test_only_what_follows_the_state_that_was_kept_is_run_again(self):
+        session, state, before = self.cut_until_its_state_is_kept()
+        self.kill()
+        self.restart()
+        first, last = self.run_again()
+        self.assertTrue(1 < first <= last, (first, last))
+        self.assert_goes_on(session, before)
+        wait_until("the station", lambda: self.session()["connected"], 30)
+        self.session_command("start", "room-1")
+        wait_until("another cut", lambda: self.cuts() > before["cuts"], 60)
+        self.session_command("stop", "room-1")
+        metrics = self.metrics()
+        wait_until("its state's end", lambda: not os.path.exists(state))
+        self.server.end()
+        self.assert_metrics_are_those_of(session["trace"], metrics)
+        self.assertEqual(self.verify(session["trace"])["signature"], "good")
+        self.assertEqual(call_json("arthron-trace", "replay", session["trace"])["verdict"], "identical")
+
+    def test_a_state_that_is_damaged_is_not_used(self):
+        session, state, before = self.cut_until_its_state_is_kept()
+        self.kill()
+        with open(state, "rb") as f:
+            whole = f.read()
+        for bad, why in ((whole[:-1], "it is not whole"), (b"", "it is no state of a session"),
+                         (whole[:5000] + bytes([whole[5000] ^ 1]) + whole[5001:], "it is not whole")):
+            with open(state, "wb") as f:
+                f.write(bad)
+            self.restart()
+            self.assertIn(why, self.server.log())
+            self.assertEqual(self.run_again()[0], 1)
+            self.assert_goes_on(session, before)
+            self.kill()
 
     def test_a_full_disk_stops_no_pose_and_is_told(self):
         self.start_station()
@@ -213,7 +269,8 @@ class Resume(Bites):
         self.assertEqual(self.session()["id"], second["id"])
         self.assert_is_closed(first["trace"], "its station has a newer session")
         self.assertEqual(call_json("arthron-trace", "replay", first["trace"])["verdict"], "identical")
-        self.assertEqual(sorted(os.listdir(self.traces)), sorted(os.path.basename(s["trace"]) for s in (first, second)))
+        self.assertEqual(sorted(name for name in os.listdir(self.traces) if not name.endswith(".state")),
+                         sorted(os.path.basename(s["trace"]) for s in (first, second)))
         self.assertIn("trace.draft: removed", self.server.log())
 
     def test_a_closed_session_on_a_case_that_is_gone_is_no_error(self):

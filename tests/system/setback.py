@@ -173,7 +173,7 @@ class SetBack(Bites):
         self.assertEqual(self.refused_words("copy", "room-1", "--from", no_trace, "--at", "-1"), 2)
         self.assertEqual(self.refused_words("undo", "room-1", "--at", "1"), 2)
         self.assertEqual((self.session()["id"], self.session()["state"]), (session["id"], "running"))
-        self.assertEqual(len(os.listdir(self.traces)), 1)
+        self.assertEqual(len([name for name in os.listdir(self.traces) if name.endswith(".trace")]), 1)
 
     def refused_words(self, *words):
         return call("arthron-server", "session", "--socket", self.socket, *words, code=None).returncode

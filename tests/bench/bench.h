@@ -34,4 +34,4 @@ typedef enum result bench_run(const struct bench_options *options, struct report
                               struct error *err);
 
 bench_run bench_cut, bench_devices, bench_fidelity, bench_match, bench_metrics, bench_paper,
-    bench_server, bench_tasks, bench_trace, bench_warp;
+    bench_resume, bench_server, bench_tasks, bench_trace, bench_warp;

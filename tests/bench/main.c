@@ -22,6 +22,7 @@ static const struct bench {
     {"match", "volume matching after real cuts: its time and error, beside bisection", bench_match},
     {"metrics", "how noise, rate and lost samples change a session's metrics", bench_metrics},
     {"paper", "what the paper shows, beside its own figures; as a page with --out", bench_paper},
+    {"resume", "how long a killed server needs until an hour's session goes on", bench_resume},
     {"server", "a real server and its stations, beside an echo of the same datagrams",
      bench_server},
     {"tasks",

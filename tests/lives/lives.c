@@ -5,6 +5,7 @@
 #include "random.h"
 #include "trace/player.h"
 #include "trace/rerun.h"
+#include "trace/state.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +16,7 @@
 #define TORN_BYTES 40 // less than the shortest record: a kill takes the last one
 #define AHEAD_BYTES ((uint64_t)1 << 20)
 #define JOB_NS (100 * NS_PER_MS)
+#define KEPT_EVERY 150 // steps
 
 struct living {
     const struct task_file *file;
@@ -30,6 +32,7 @@ struct living {
     struct site *site;
     struct attempt attempt, before; // after the last step, and after the one before
     struct lives *lives;
+    int kills; // that are to come, about
 };
 
 // ---- steps --------------------------------------------------------------------------------------
@@ -43,10 +46,28 @@ static void wait_for_disk(struct living *l) {
     l->awaited = trace_position(l->trace);
 }
 
+// As a server does: before the job of the step is run. end: the trace's position behind the step.
+static void keep(struct living *l, struct session_output *output, uint64_t end) {
+    struct trace_state state = {.output_hash = output->hash};
+    struct kept k = kept_growing();
+    operation_keep(l->operation, &k);
+    session_keep(l->session, &output->job, NULL, &k);
+    CHECK(!k.bad);
+    state.content = k.data;
+    state.size = k.used;
+    trace_place_behind(l->trace, end, output, &state.place);
+    while (trace_state_write(l->path, &state, NULL) == RESULT_MISSING)
+        nanosleep(&(struct timespec){.tv_nsec = NS_PER_MS}, NULL);
+    free(k.data);
+}
+
 static void step(struct living *l, const struct session_input *input) {
     struct session_output output;
     session_step(l->session, input, &output);
     CHECK(trace_append(l->trace, input, &output));
+    uint64_t end = trace_position(l->trace);
+    if (l->kills && output.step % KEPT_EVERY == 0 && session_can_be_kept(l->session, &output.job))
+        keep(l, &output, end);
     wait_for_disk(l);
     l->before = l->attempt;
     attempt_take(&l->attempt, l->site, input->kind, &output);
@@ -100,6 +121,7 @@ struct resuming {
     struct trace_reader *reader;
     struct rerun *rerun;
     struct trace_place place;
+    uint64_t kept; // what is before it in the file needs not be run
 };
 
 static void make_site(struct living *l, const struct trace_header *header,
@@ -122,7 +144,10 @@ static bool on_record(void *user, const struct trace_record *record) {
         make_site(l, r->header, &record->begun);
         attempt_init(&l->attempt);
     }
-    if (record->type == TRACE_STEP) {
+    if (record->type == TRACE_STEP && record->offset < r->kept) {
+        if (l->site)
+            attempt_take(&l->attempt, l->site, record->input.kind, &record->output);
+    } else if (record->type == TRACE_STEP) {
         rerun_step(r->rerun, record, &output);
         CHECK(output.hash == record->output.hash);
         if (l->site)
@@ -132,13 +157,39 @@ static bool on_record(void *user, const struct trace_record *record) {
     return true;
 }
 
+// False: there is no state, or it is of a step that was torn.
+static bool begin_kept(struct resuming *r) {
+    struct trace_state state;
+    struct job asked = {0};
+    struct living *l = r->living;
+    if (trace_state_read(l->path, &state, NULL) != RESULT_OK)
+        return false;
+    bool fits = trace_reader_skim(r->reader, &state.place, state.output_hash, NULL) == RESULT_OK;
+    if (fits) {
+        const struct session_settings *settings = &r->header->settings;
+        struct session *session = session_create(l->scene, settings);
+        struct operation *operation =
+            operation_create(l->scene, settings->rules, &settings->instruments);
+        struct kept k = kept_from(state.content, state.size);
+        operation_keep(operation, &k);
+        session_keep(session, &asked, operation, &k);
+        CHECK(!k.bad && !kept_left(&k));
+        r->rerun = rerun_go_on(session, operation, &asked);
+        r->kept = state.place.offset;
+        l->lives->kept++;
+    }
+    free(state.content);
+    return fits;
+}
+
 static void resume(struct living *l) {
     struct resuming r = {.living = l};
     struct trace_player player = {.user = &r, .record = on_record};
     enum result result = trace_reader_create(l->path, &r.reader, NULL);
     CHECK(result == RESULT_OK);
     r.header = trace_reader_header(r.reader);
-    r.rerun = rerun_create(l->scene, &r.header->settings);
+    if (!begin_kept(&r))
+        r.rerun = rerun_create(l->scene, &r.header->settings);
     trace_reader_bind(r.reader, l->scene);
     result = trace_play(r.reader, &player, NULL);
     CHECK(result == RESULT_MISSING);
@@ -240,8 +291,12 @@ enum result lives_run(const struct task_file *file, const struct scene *scene,
                       const struct motion *motion, double rate_hz, int kills, uint64_t seed,
                       const char *trace, struct lives *out, struct error *err) {
     memset(out, 0, sizeof *out);
-    struct living l = {
-        .file = file, .scene = scene, .path = trace, .task = file->task, .lives = out};
+    struct living l = {.file = file,
+                       .scene = scene,
+                       .path = trace,
+                       .task = file->task,
+                       .lives = out,
+                       .kills = kills};
     struct trace_header header = header_of(scene, &file->task);
     enum result result =
         site_create(&l.task, scene, &header.settings.instruments, &header.optic, &l.site, err);

@@ -1,6 +1,6 @@
 // An attempt lives on: hands play a task in a session that is recorded, the server is killed at
-// random steps and resumes the session from its trace, and in the end the trace is judged. In one
-// process and in virtual time.
+// random steps and resumes the session from its trace, with a state that was kept or without, and
+// in the end the trace is judged. In one process and in virtual time.
 #pragma once
 
 #include "judging/judging.h"
@@ -9,7 +9,7 @@
 
 struct lives {
     uint64_t steps;
-    int kills;
+    int kills, kept; // and those after which it went on from a state that was kept
     int differences; // of the attempt, byte for byte: after each kill, and from the trace
     enum verdict verdict, traced_verdict;
     struct attempt attempt; // at its end

@@ -245,48 +245,55 @@ void easing_advance(struct easing *e, double share) {
 // ---- keeping ------------------------------------------------------------------------------------
 
 uint32_t easing_pending_count(const struct easing *easing) {
-    return easing->pending_count;
+    return easing->room ? easing->room->pending_count : 0;
 }
 
 // All is eased in.
 static void settle(struct easing *e, const struct operation *operation, int tissue) {
+    struct easing_room *r = room_of(e);
     uint32_t moved = 0, count = e->group->mesh.vertex_count;
     for (uint32_t v = 0; v < count; v++) {
         double values[3];
         operation_touch(operation, tissue, v, values);
-        memcpy(of(e, e->target, v), values, (size_t)e->width * sizeof *values);
-        memcpy(of(e, e->now, v), values, (size_t)e->width * sizeof *values);
+        memcpy(of(e, r->target, v), values, (size_t)e->width * sizeof *values);
+        memcpy(of(e, r->now, v), values, (size_t)e->width * sizeof *values);
         if (!is_moved(e, v))
             continue;
-        displace(e, e->displacement, v, of(e, e->now, v));
-        if (e->aimed)
-            displace(e, e->aimed, v, of(e, e->now, v));
-        e->pending[moved++] = v;
+        displace(e, r->displacement, v, of(e, r->now, v));
+        if (r->aimed)
+            displace(e, r->aimed, v, of(e, r->now, v));
+        r->pending[moved++] = v;
     }
-    update(e, moved);
-    if (e->whole)
-        surface_integral_update(e->whole, e->pending, moved);
+    update(r, moved);
+    if (r->whole)
+        surface_integral_update(r->whole, r->pending, moved);
 }
 
 static void keep_pending(struct easing *e, uint32_t i, struct kept *k) {
-    uint32_t *vertex = &e->pending[i];
+    struct easing_room *r = e->room;
+    uint32_t *vertex = &r->pending[i];
     kept_count(k, vertex, e->group->mesh.vertex_count - 1);
-    kept_holds(k, !e->is_pending[*vertex]);
-    double *now = of(e, e->now, *vertex);
+    kept_holds(k, !r->is_pending[*vertex]);
+    double *now = of(e, r->now, *vertex);
     for (int c = 0; c < e->width; c++)
         kept_real(k, &now[c], -KEPT_FAR_MM, KEPT_FAR_MM);
     if (!k->reads)
         return;
-    e->is_pending[*vertex] = true;
-    displace(e, e->displacement, *vertex, now);
+    r->is_pending[*vertex] = true;
+    displace(e, r->displacement, *vertex, now);
 }
 
 void easing_keep(struct easing *e, const struct operation *operation, int tissue, struct kept *k) {
+    bool own = e->room;
+    kept_flag(k, &own);
+    if (!own || k->bad)
+        return;
     if (k->reads)
         settle(e, operation, tissue);
-    kept_count(k, &e->pending_count, e->group->mesh.vertex_count);
-    for (uint32_t i = 0; i < e->pending_count && !k->bad; i++)
+    struct easing_room *r = e->room;
+    kept_count(k, &r->pending_count, e->group->mesh.vertex_count);
+    for (uint32_t i = 0; i < r->pending_count && !k->bad; i++)
         keep_pending(e, i, k);
     if (k->reads)
-        update(e, e->pending_count);
+        update(r, r->pending_count);
 }

@@ -45,8 +45,7 @@ struct operation *operation_create(const struct scene *scene, int rules,
     return operation;
 }
 
-// The tissue gets memory of its own, before a job.
-static void take_over(struct operated_tissue *t) {
+void operated_take_over(struct operated_tissue *t) {
     if (t->now.mesh)
         return;
     t->now = tissue_state_whole(t->scene, t->rules, t->now.figures.mesh_number);
@@ -365,7 +364,7 @@ static void cut(struct operation *operation, struct operated_tissue *t, const st
 
 static void run_on(struct operation *operation, struct operated_tissue *t, const struct job *job,
                    struct job_result *result) {
-    take_over(t);
+    operated_take_over(t);
     if (job->kind == JOB_RESTORE)
         restore(t, result);
     else

@@ -42,6 +42,8 @@ static void keep_tissue(struct operated_tissue *t, uint64_t cuts, struct kept *k
         kept_bytes(k, &t->now.figures, sizeof t->now.figures);
         return;
     }
+    if (k->reads)
+        operated_take_over(t);
     tissue_state_keep(&t->now, t->scene, k);
     if (t->fitting)
         fitting_keep(t->fitting, k);

@@ -54,6 +54,9 @@ static inline const struct cut_mesh *operated_mesh(const struct operated_tissue 
     return t->now.mesh ? t->now.mesh : t->scene->mesh;
 }
 
+// ---- operation.c ----
+void operated_take_over(struct operated_tissue *t); // it gets memory of its own, before a job
+
 // ---- operation_mismatch.c ----
 vec3 operated_touched(const struct operated_tissue *t, uint32_t vertex); // S''
 void operated_measure_mismatch(struct operated_tissue *t);               // into its figures

@@ -28,7 +28,7 @@ static void forget(struct session *s) {
         avatar_memory_init(&s->memory[i]);
 }
 
-static void take_surface(struct session *s, int tissue) {
+void session_take_surface(struct session *s, int tissue) {
     struct warp_surface *surface = &s->surfaces[s->scene->tissues[tissue].group];
     surface->displacement = easing_displacement(s->easings[tissue]);
     surface->mean = easing_mean(s->easings[tissue]);
@@ -42,7 +42,7 @@ static void take_surfaces(struct session *s) {
         if (!s->scene->tissues[t].match)
             continue;
         s->easings[t] = easing_create(s->scene, t, &s->settings.field, s->settings.rules);
-        take_surface(s, t);
+        session_take_surface(s, t);
     }
 }
 
@@ -170,7 +170,7 @@ static uint32_t land(struct session *s, const struct session_input *input, struc
                            result->figures, result->hash,    result->touch_hash};
     if (s->easings[result->tissue]) {
         easing_aim(s->easings[result->tissue], &result->touch);
-        take_surface(s, result->tissue);
+        session_take_surface(s, result->tissue);
     }
     if (result->outcome == JOB_REFUSED)
         return EVENT_REFUSED;

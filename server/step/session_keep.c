@@ -119,8 +119,10 @@ static void keep_job(struct session *s, struct job *asked, struct kept *k) {
 static void keep_tissues(struct session *s, const struct operation *operation, struct kept *k) {
     for (int t = 0; t < s->scene->tissue_count; t++) {
         kept_flag(k, &s->touched[t]);
-        if (s->easings[t])
-            easing_keep(s->easings[t], operation, t, k);
+        if (!s->easings[t])
+            continue;
+        easing_keep(s->easings[t], operation, t, k);
+        session_take_surface(s, t);
     }
 }
 

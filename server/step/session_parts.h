@@ -38,3 +38,6 @@ struct session {
     bool loose_moves;          // a loose body did, in the last step
     struct loose_output lay[CASE_LOOSE_MAX]; // where they were then
 };
+
+// The warp reads what the tissue's easing has now.
+void session_take_surface(struct session *session, int tissue);

@@ -15,6 +15,7 @@ static const double acl_up = 0.15, acl_behind = 0.3, pcl_up = -0.05, pcl_before 
 static const double footprint_error = 10;
 static const double wall_drop = 6;     // mm of a condyle's inner wall below its ridge
 static const double roof_before = 0.2; // condyle's radii before the axis: where the roof is named
+static const double roof_rise = 6;     // mm over the notch's anterior margin, at most
 
 struct finder {
     struct knee_case *knee;
@@ -91,8 +92,20 @@ static double wall_x(const struct finder *f, int side, double angle) {
     return x;
 }
 
+// From there to the front, the first place that has a surface above it which rises no higher over
+// the notch's anterior margin than hands can look. Not finite: none.
+static vec3 roof_from(const struct finder *f, vec3 at) {
+    double front = at.y + 2 * f->condyles.fits[0].radius_mm, margin = INFINITY;
+    for (double y = at.y; y < front; y += 0.5)
+        margin = fmin(margin, -profile_height(&f->bottom, at.x, y));
+    do
+        at.z = -profile_height(&f->bottom, at.x, at.y);
+    while (!(at.z <= margin + roof_rise) && (at.y += 0.5) < front);
+    return at;
+}
+
 // The roof of the notch, in the middle between the condyles' inner walls. A femur that is a sheet
-// of its joint's surface may have none: then it is put at the axis.
+// of its joint's surface has none: then it is put where the sheet begins.
 static void find_notch(struct finder *f) {
     double sum = 0, squares = 0, error = 0;
     int count = 0;
@@ -105,12 +118,9 @@ static void find_notch(struct finder *f) {
     f->notch_x = sum / count;
     error = sqrt(fmax(squares / count - f->notch_x * f->notch_x, 0));
     double y = roof_before * f->condyles.fits[0].radius_mm;
-    double z = -profile_height(&f->bottom, f->notch_x, y);
-    if (isnan(z)) {
-        z = 0;
-        error = footprint_error;
-    }
-    put(f, "notch", BODY_FEMUR, (vec3){f->notch_x, y, z}, error);
+    vec3 roof = roof_from(f, (vec3){f->notch_x, y, NAN});
+    bool is_whole = isfinite(profile_height(&f->bottom, f->notch_x, y));
+    put(f, "notch", BODY_FEMUR, roof, is_whole ? error : footprint_error);
 }
 
 // The most anterior place of the groove.

@@ -461,6 +461,58 @@ static void a_meniscus_that_is_no_c_is_named(void **state) {
     case_destroy(&knee);
 }
 
+static double to_vertices(const struct mesh *mesh, vec3 p) {
+    double least = INFINITY;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        least = fmin(least, vec3_distance(p, mesh_vertex(mesh, v)));
+    return least;
+}
+
+static void leave_out_roof(struct mesh *femur, double front) {
+    uint32_t kept = 0;
+    for (uint32_t t = 0; t < femur->triangle_count; t++) {
+        vec3 p = mesh_corner(femur, t, 0);
+        if (fabs(p.x) < 10 && p.y < front && p.z > -14)
+            continue;
+        memmove(femur->triangles + 3 * (size_t)kept, femur->triangles + 3 * (size_t)t,
+                3 * sizeof *femur->triangles);
+        kept++;
+    }
+    femur->triangle_count = kept;
+}
+
+// As a scan of the cartilage alone.
+static void the_notch_of_a_sheet_is_where_its_roof_begins(void **state) {
+    (void)state;
+    for (double front = 6; front <= 12; front += 3) {
+        struct knee_case *knee = made(SIDE_RIGHT, 1);
+        struct mesh *femur = &case_group(knee, "femur")->mesh;
+        leave_out_roof(femur, front);
+        find_all(knee);
+        vec3 notch = case_landmark(knee, "notch")->at;
+        assert_true(notch.y > front - 3 && notch.y < front + 3);
+        assert_true(to_vertices(femur, notch) < 2);
+        case_destroy(&knee);
+    }
+}
+
+// A shaft does not come so steeply through a portal that the scope looks up into it.
+static void the_notch_of_a_high_roof_is_where_it_comes_down(void **state) {
+    (void)state;
+    struct knee_case *knee = made(SIDE_RIGHT, 1);
+    struct mesh *femur = &case_group(knee, "femur")->mesh;
+    for (uint32_t v = 0; v < femur->vertex_count; v++) {
+        vec3 p = mesh_vertex(femur, v);
+        if (fabs(p.x) < 8 && p.y > -12 && p.y < 9 && p.z > -14 && p.z < 8)
+            mesh_set_vertex(femur, v, vec3_add(p, (vec3){0, 0, 15}));
+    }
+    find_all(knee);
+    vec3 notch = case_landmark(knee, "notch")->at;
+    assert_true(notch.y > 8 && notch.z < -3);
+    assert_true(to_vertices(femur, notch) < 3);
+    case_destroy(&knee);
+}
+
 // As a sheet of a scan that ends below the axis.
 static void a_femur_of_posterior_condyles_alone_has_no_rest_path(void **state) {
     (void)state;
@@ -515,6 +567,8 @@ int main(void) {
         cmocka_unit_test(a_tibia_that_lies_beside_the_femur_has_no_plateau),
         cmocka_unit_test(a_meniscus_that_is_no_c_is_named),
         cmocka_unit_test(a_femur_of_posterior_condyles_alone_has_no_rest_path),
+        cmocka_unit_test(the_notch_of_a_sheet_is_where_its_roof_begins),
+        cmocka_unit_test(the_notch_of_a_high_roof_is_where_it_comes_down),
         cmocka_unit_test(a_notch_far_from_the_bones_gives_no_portals),
         cmocka_unit_test(landmarks_are_kept_in_the_case),
         cmocka_unit_test(a_case_with_a_bad_landmark_is_refused),

@@ -65,17 +65,24 @@ static bool find_look(const struct plan *plan, const struct hand *hand, vec3 poi
     return false;
 }
 
+static enum result look_there(struct plan *plan, struct hand *hand, vec3 tip, double roll) {
+    enum result result = plan_roll(plan, hand, roll);
+    return result == RESULT_OK ? plan_reach(plan, hand, tip) : result;
+}
+
 enum result look_to(struct plan *plan, struct hand *hand, const struct motion_step *step,
                     const struct case_group *group) {
+    pose T = plan_body_pose(plan, group->body);
+    if (step->is_free)
+        return look_there(plan, hand, pose_apply(T, step->from.at), RAD_PER_DEG * step->roll_deg);
     vec3 seen = sight_of(group), tip;
     if (step->has_place && place_find(plan->knee, &step->from, &seen, plan->err) != RESULT_OK)
         return RESULT_MISSING;
-    vec3 point = pose_apply(plan_body_pose(plan, group->body), seen);
+    vec3 point = pose_apply(T, seen);
     if (!find_look(plan, hand, point, step->amount, true, &tip) &&
         !find_look(plan, hand, point, step->amount, false, &tip))
         return fail_in(plan->err, plan_refuse(plan, hand, tip), "%s cannot be seen: ", group->name);
-    enum result result = plan_roll(plan, hand, 0);
-    return result == RESULT_OK ? plan_reach(plan, hand, tip) : result;
+    return look_there(plan, hand, tip, 0);
 }
 
 // ---- turning the optic --------------------------------------------------------------------------

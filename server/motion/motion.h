@@ -49,8 +49,8 @@ struct motion_step {
     // look (0: as it comes).
     double amount;
     int64_t count; // of bites, at most
-    // Of a bite and a take, not in a script: the place is the tip's own, on no surface, and the jaw
-    // of a bite is turned so about the shaft.
+    // Of a bite, a take and a look, not in a script: the place is the tip's own, on no surface, and
+    // the jaw of a bite or the optic is turned so about the shaft.
     bool is_free;
     double roll_deg;
 };

@@ -1,14 +1,13 @@
 #include "base/check.h"
 #include "rehearsal/planner.h"
 #include "rehearsal/take.h"
+#include "rehearsal/view.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #define SETTLE_S 0.4        // that hands rest longer than a goal asks
-#define USUAL_MM 20.0       // from which a scope looks
-#define CLEAR_MM 2.0        // inside the bounds of a distance
 #define SPARE_OF_SHARES 0.9 // of what a plan allows to be left, or to be gone beyond it
 
 // In the order in which they are tried: each opens another place.
@@ -37,26 +36,41 @@ static void touch(const struct planner *p, struct motion_script *script, const s
         add_place(script, MOTION_PALPATE, tool, group, goal->follow[i - 1], goal->follow[i]);
 }
 
-static void look_at(const struct planner *p, struct motion_script *script, const struct spot *spot,
-                    const char *landmark, double distance) {
+static void look_at(const struct planner *p, const struct spot *spot, const char *landmark,
+                    double distance) {
     struct motion_step *step =
-        add_place(script, MOTION_LOOK, CHANNEL_SCOPE, group_name(p, spot), landmark, "");
+        add_place(p->script, MOTION_LOOK, CHANNEL_SCOPE, group_name(p, spot), landmark, "");
     if (step)
         step->amount = distance;
 }
 
-static void look(const struct planner *p, struct motion_script *script, const struct goal *goal,
-                 const struct site_goal *g, double distance) {
-    bool is_far = goal->beyond_mm > 0, is_near = goal->within_mm < USUAL_MM;
-    if (goal->see[0] && (is_far || is_near))
-        look_at(p, script, &g->see, goal->see,
-                is_far ? goal->beyond_mm + CLEAR_MM : goal->within_mm - CLEAR_MM);
-    else if (goal->see[0])
-        look_at(p, script, &g->see, goal->see, distance);
-    else if (goal->touch[0])
-        look_at(p, script, &g->touch, goal->touch, distance);
+// From where the judge sees it.
+static bool look_by_judge(struct planner *p, int index, double distance) {
+    const struct spot *spot = &site_goal(p->site, index)->see;
+    struct view view;
+    if (!find_view(p, index, distance, &view))
+        return false;
+    struct motion_step *step =
+        add_named(p->script, MOTION_LOOK, CHANNEL_SCOPE, group_name(p, spot));
+    if (!step)
+        return false;
+    step->has_place = step->is_free = true;
+    step->from.at = pose_apply_inverse(plan_body_pose(&p->plan, spot->body), view.tip);
+    step->roll_deg = view.roll_deg;
+    return true;
+}
+
+// The joint is held already.
+static bool look(struct planner *p, int index, double distance) {
+    const struct goal *goal = &p->task->goals[index];
+    const struct site_goal *g = site_goal(p->site, index);
+    if (goal->see[0])
+        return look_by_judge(p, index, distance);
+    if (goal->touch[0])
+        look_at(p, &g->touch, goal->touch, distance);
     else if (goal->place_count)
-        look_at(p, script, &g->touch, goal->follow[0], distance);
+        look_at(p, &g->touch, goal->follow[0], distance);
+    return true;
 }
 
 // The next goal wants the scope to stay and its optic to turn.
@@ -126,10 +140,13 @@ static bool pursue(struct planner *p, int index, const struct stance *stance) {
     bool turns = !isnan(goal->stay_mm);
     if (!turns)
         hold_joint(script, goal, stance);
+    if (!plan_from(p, first))
+        return false;
+    first = script->step_count;
     if (turns || is_turned_from(p, index))
         turn_to(p, script, index);
-    else
-        look(p, script, goal, g, stance->distance);
+    else if (!look(p, index, stance->distance))
+        return false;
     if (needs_tool(goal)) {
         bring_in(p, script, channel_of(g));
         touch(p, script, goal, g);

@@ -257,13 +257,17 @@ static enum result build_sights(struct site *site, struct error *err) {
     return RESULT_OK;
 }
 
-struct site_eye site_eye(const struct session_output *output, vec3 at) {
+struct site_eye site_eye_before(const pose T_mockup_virtual[BODY_COUNT], vec3 at) {
     struct site_eye eye = {.at = at};
     for (enum body body = 0; body < BODY_COUNT; body++) {
-        eye.T_body_mockup[body] = pose_inverse(output->T_mockup_virtual[body]);
+        eye.T_body_mockup[body] = pose_inverse(T_mockup_virtual[body]);
         eye.in_body[body] = pose_apply(eye.T_body_mockup[body], at);
     }
     return eye;
+}
+
+struct site_eye site_eye(const struct session_output *output, vec3 at) {
+    return site_eye_before(output->T_mockup_virtual, at);
 }
 
 static bool is_hidden_by(const struct site *site, int group, const struct site_eye *eye,

@@ -70,6 +70,7 @@ struct site_eye {
     pose T_body_mockup[BODY_COUNT];
 };
 struct site_eye site_eye(const struct session_output *output, vec3 at);
+struct site_eye site_eye_before(const pose T_mockup_virtual[BODY_COUNT], vec3 at);
 
 // What lay in between at the last time. Zeroed it is of the first time.
 struct site_hint {

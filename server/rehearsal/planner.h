@@ -35,7 +35,11 @@ struct motion_step *add_place(struct motion_script *script, enum motion_verb ver
                               const char *to);
 
 // The joint a little beyond what the goal asks, or as the stance has it.
-void hold_joint(struct motion_script *script, const struct goal *goal, const struct stance *stance);
+void hold_joint(struct planner *p, const struct goal *goal, const struct stance *stance);
+
+// All but the scope leave the knee: what waits there while the joint moves and the scope looks
+// elsewhere works unseen.
+void take_out_tools(struct planner *p);
 
 // ---- trying (rehearsal.c) ----
 

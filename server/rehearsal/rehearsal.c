@@ -93,12 +93,9 @@ static bool needs_tool(const struct goal *goal) {
 }
 
 // The scope looks first: a tool that waits inside is out of its picture.
-static void bring_in(const struct planner *p, struct motion_script *script, enum channel tool) {
-    const struct motion_step *step = script->steps, *end = step + script->step_count;
-    while (step < end && (step->verb != MOTION_APPROACH || step->tool != tool))
-        step++;
-    if (step == end)
-        add_named(script, MOTION_APPROACH, tool, p->portals[1]);
+static void bring_in(struct planner *p, enum channel tool) {
+    if (!plan_hand(&p->plan, tool)->inside)
+        add_named(p->script, MOTION_APPROACH, tool, p->portals[1]);
 }
 
 // ---- trying -------------------------------------------------------------------------------------
@@ -138,8 +135,10 @@ static bool pursue(struct planner *p, int index, const struct stance *stance) {
     const struct site_goal *g = site_goal(p->site, index);
     int first = script->step_count;
     bool turns = !isnan(goal->stay_mm);
-    if (!turns)
-        hold_joint(script, goal, stance);
+    if (!turns) {
+        take_out_tools(p);
+        hold_joint(p, goal, stance);
+    }
     if (!plan_from(p, first))
         return false;
     first = script->step_count;
@@ -148,7 +147,7 @@ static bool pursue(struct planner *p, int index, const struct stance *stance) {
     else if (!look(p, index, stance->distance))
         return false;
     if (needs_tool(goal)) {
-        bring_in(p, script, channel_of(g));
+        bring_in(p, channel_of(g));
         touch(p, script, goal, g);
     }
     if (!plan_from(p, first) || (goal->take_out[0] && !take_out(p, g->loose, stance->distance)))
@@ -179,11 +178,14 @@ static bool try_stance(struct planner *p, int goal, const struct stance *stance)
     return false;
 }
 
-// The expert tries stances until one meets the goal.
+// The expert tries stances until one meets the goal, first the one that the joint has.
 static bool meet(struct planner *p, int goal) {
+    const struct stance now = {p->plan.hold.flexion_deg, p->plan.hold.valgus_deg, 0};
     struct error first = {""};
     if (p->task->goals[goal].resect[0])
         return meet_resection(p, goal);
+    if (goal > 0 && try_stance(p, goal, &now))
+        return true;
     for (int i = 0; i < STANCE_COUNT; i++) {
         if (try_stance(p, goal, &stances[i]))
             return true;

@@ -202,7 +202,8 @@ static bool stand(struct surgeon *s, const struct stance *stance) {
     struct plan_mark before = plan_mark(&p->plan);
     struct bite bite;
     int first = p->script->step_count;
-    hold_joint(p->script, s->goal, stance);
+    take_out_tools(p);
+    hold_joint(p, s->goal, stance);
     add_named(p->script, MOTION_LOOK, CHANNEL_SCOPE, s->goal->resect);
     add_named(p->script, MOTION_APPROACH, CHANNEL_PUNCH, p->portals[1]);
     if (!plan_from(p, first))

@@ -43,8 +43,9 @@ static double clamped(double value, double most) {
     return fmin(fmax(value, -most), most);
 }
 
-void hold_joint(struct motion_script *script, const struct goal *goal,
-                const struct stance *stance) {
+static struct joint_hold hold_of(const struct planner *p, const struct goal *goal,
+                                 const struct stance *stance) {
+    struct joint_hold hold = p->plan.hold;
     double flexion = stance->flexion_deg, valgus = stance->valgus_deg, more = 1.2;
     if (!isnan(goal->flexion_from_deg))
         flexion = 0.5 * (goal->flexion_from_deg + goal->flexion_to_deg);
@@ -52,8 +53,27 @@ void hold_joint(struct motion_script *script, const struct goal *goal,
         valgus = more * goal->valgus_deg;
     if (!isnan(goal->varus_deg))
         valgus = -more * goal->varus_deg;
-    add_amount(script, MOTION_FLEX, fmax(clamped(flexion, 140), 0));
-    add_amount(script, MOTION_VALGUS, clamped(valgus, 15));
+    hold.flexion_deg = fmax(clamped(flexion, 140), 0);
+    hold.valgus_deg = clamped(valgus, 15);
     if (!isnan(goal->drawer_mm))
-        add_amount(script, MOTION_DRAWER, clamped(more * goal->drawer_mm, 10));
+        hold.drawer_mm = clamped(more * goal->drawer_mm, 10);
+    return hold;
+}
+
+void take_out_tools(struct planner *p) {
+    for (int i = 0; i < p->plan.motion->tool_count; i++) {
+        const struct hand *hand = &p->plan.hands[i];
+        if (hand->channel != CHANNEL_SCOPE && hand->inside)
+            add_named(p->script, MOTION_WITHDRAW, hand->channel, "");
+    }
+}
+
+void hold_joint(struct planner *p, const struct goal *goal, const struct stance *stance) {
+    struct joint_hold now = p->plan.hold, hold = hold_of(p, goal, stance);
+    if (hold.flexion_deg != now.flexion_deg)
+        add_amount(p->script, MOTION_FLEX, hold.flexion_deg);
+    if (hold.valgus_deg != now.valgus_deg)
+        add_amount(p->script, MOTION_VALGUS, hold.valgus_deg);
+    if (hold.drawer_mm != now.drawer_mm)
+        add_amount(p->script, MOTION_DRAWER, hold.drawer_mm);
 }

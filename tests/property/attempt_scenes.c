@@ -281,6 +281,10 @@ static void flexion(double inside) {
     bend(30 - inside + noise_of(NOISE_DEG), 0, 0);
 }
 
+static void bent_enough(double inside) {
+    bend(10 + inside + noise_of(NOISE_DEG), 0, 0);
+}
+
 static void holding(double inside) {
     bool holds = output.time_ns <= NS_PER_S + (int64_t)(inside * 1e9);
     bend(20, (holds ? 4.5 : 0) + noise_of(NOISE_DEG), 0);
@@ -414,6 +418,7 @@ const struct kind goal_kinds[] = {
     {"varus_deg", "[goal a]\nvarus_deg = 4\n", varus, 0.05, 0.5},
     {"drawer_mm", "[goal a]\ndrawer_mm = 5\n", drawer, 0.05, 0.5},
     {"flexion_deg", "[goal a]\nflexion_deg = 10 30\n", flexion, 0.05, 0.5},
+    {"flexion_deg", "[goal a]\nflexion_deg = 10 30\n", bent_enough, 0.05, 0.5},
     {"resect", RESECT "rim_mm = 3\n", something_cut, 1, 1},
     {"under_share", RESECT "under_share = 0.2\n", left_over, 0.05, 5},
     {"over_share", RESECT "over_share = 0.3\n", beyond_plan, 0.05, 5},

@@ -15,7 +15,7 @@ static const double acl_up = 0.15, acl_behind = 0.3, pcl_up = -0.05, pcl_before 
 static const double footprint_error = 10;
 static const double wall_drop = 6;     // mm of a condyle's inner wall below its ridge
 static const double roof_before = 0.2; // condyle's radii before the axis: where the roof is named
-static const double roof_rise = 6;     // mm over the notch's anterior margin, at most
+static const double roof_slope = 0.35; // from the notch's anterior margin up to there, at most
 
 struct finder {
     struct knee_case *knee;
@@ -92,15 +92,19 @@ static double wall_x(const struct finder *f, int side, double angle) {
     return x;
 }
 
-// From there to the front, the first place that has a surface above it which rises no higher over
-// the notch's anterior margin than hands can look. Not finite: none.
+// From there to the front, the first place that has a surface above it which is not hidden by the
+// notch's anterior margin, the most distal place. Not finite: none.
 static vec3 roof_from(const struct finder *f, vec3 at) {
-    double front = at.y + 2 * f->condyles.fits[0].radius_mm, margin = INFINITY;
-    for (double y = at.y; y < front; y += 0.5)
-        margin = fmin(margin, -profile_height(&f->bottom, at.x, y));
+    double front = at.y + 2 * f->condyles.fits[0].radius_mm;
+    vec3 margin = {at.x, at.y, INFINITY};
+    for (double y = at.y; y < front; y += 0.5) {
+        double z = -profile_height(&f->bottom, at.x, y);
+        if (z < margin.z)
+            margin = (vec3){at.x, y, z};
+    }
     do
         at.z = -profile_height(&f->bottom, at.x, at.y);
-    while (!(at.z <= margin + roof_rise) && (at.y += 0.5) < front);
+    while (!(at.z - margin.z <= roof_slope * (margin.y - at.y)) && (at.y += 0.5) <= margin.y);
     return at;
 }
 

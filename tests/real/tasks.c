@@ -10,8 +10,8 @@
 #include <string.h>
 #include <unistd.h>
 
-// Not on knee B: line-tracing, as the hands do not meet the line on the lateral meniscus. Knee A has
-// many vertices, which makes it slow.
+// Not on knee B: line-tracing, as the hands do not meet the line on the lateral meniscus. Knee A
+// has many vertices, which makes it slow.
 static const char *const on_knee_a[] = {"cruciate-examination", "telescoping", NULL};
 static const char *const on_knee_b[] = {"steady-camera",
                                         "centring",

@@ -8,7 +8,8 @@
 
 struct sight {
     const struct mesh *mesh;
-    double margin; // how far single precision may be off, mm
+    double margin;    // how far single precision may be off, mm
+    double box[2][3]; // the least and the largest coordinates
     RTCScene scene;
 };
 
@@ -54,6 +55,21 @@ static double margin_of(const struct mesh *mesh) {
     return 16 * (double)FLT_EPSILON * (double)largest;
 }
 
+static void find_box(struct sight *sight) {
+    const struct mesh *mesh = sight->mesh;
+    for (int axis = 0; axis < 3; axis++) {
+        double *low = &sight->box[0][axis], *high = &sight->box[1][axis];
+        *low = INFINITY, *high = -INFINITY;
+        for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+            double at = (double)mesh->positions[3 * (size_t)v + (size_t)axis];
+            *low = at < *low ? at : *low;
+            *high = at > *high ? at : *high;
+        }
+        *low -= sight->margin;
+        *high += sight->margin;
+    }
+}
+
 enum result sight_create(const struct mesh *mesh, struct sight **out_sight, struct error *err) {
     RTCDevice device;
     if (embree_device(&device, err) != RESULT_OK)
@@ -61,6 +77,7 @@ enum result sight_create(const struct mesh *mesh, struct sight **out_sight, stru
     struct sight *sight = alloc(1, sizeof *sight);
     sight->mesh = mesh;
     sight->margin = margin_of(mesh);
+    find_box(sight);
     build_scene(sight, device);
     enum RTCError problem = rtcGetDeviceError(device);
     if (problem != RTC_ERROR_NONE) {
@@ -105,6 +122,24 @@ static bool crosses(const struct asking *a, const struct mesh *mesh, uint32_t tr
     return whole != 0 && along / whole >= 0 && along / whole <= a->last;
 }
 
+// Whether the box, which has a margin, may be met: most ways go past most surfaces.
+static bool comes_by(const struct sight *sight, vec3 from, vec3 way) {
+    const double at[3] = {from.x, from.y, from.z}, by[3] = {way.x, way.y, way.z};
+    double first = 0, last = 1;
+    for (int axis = 0; axis < 3; axis++) {
+        double low = sight->box[0][axis] - at[axis], high = sight->box[1][axis] - at[axis];
+        if (by[axis] == 0 && (low > 0 || high < 0))
+            return false;
+        if (by[axis] == 0)
+            continue;
+        double enters = (by[axis] > 0 ? low : high) / by[axis];
+        double leaves = (by[axis] > 0 ? high : low) / by[axis];
+        first = enters > first ? enters : first;
+        last = leaves < last ? leaves : last;
+    }
+    return first <= last;
+}
+
 static void meet_triangle(const struct RTCOccludedFunctionNArguments *arguments) {
     const struct sight *sight = arguments->geometryUserPtr;
     struct asking *asking = (struct asking *)(void *)arguments->context;
@@ -120,7 +155,7 @@ bool sight_is_clear(const struct sight *sight, vec3 from, vec3 to, double spare_
     CHECK(vec3_is_finite(from) && vec3_is_finite(to) && *hint < sight->mesh->triangle_count);
     struct asking asking = {.from = from, .way = vec3_sub(to, from)};
     double length = vec3_length(asking.way);
-    if (length <= spare_mm)
+    if (length <= spare_mm || !comes_by(sight, from, asking.way))
         return true;
     asking.last = 1 - spare_mm / length;
     if (crosses(&asking, sight->mesh, *hint))

@@ -68,6 +68,7 @@ GET    /tasks/*/mark           401  403          403          403          404
 PUT    /tasks/*/mark           401  403          403          403          404
 GET    /tasks/*/trials         401  403          403          403          404
 GET    /tasks/*/contrast       401  403          403          403          404
+GET    /tasks/*/expert         401  404          404          403          404
 GET    /trainees/me/today      401  200          200          403          403
 GET    /attempts               401  200          200          403          200
 GET    /attempts/*/1           401  200/404/404  200/404/404  403          200/200/404

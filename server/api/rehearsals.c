@@ -10,7 +10,7 @@
 #define KEPT 16
 
 struct entry {
-    bool used;
+    bool used; // it is known, there or not
     int task, knee_case;
     uint8_t *batch; // NULL: there is none
     size_t size;
@@ -53,10 +53,12 @@ static const struct entry *find(const struct rehearsals *r, int task, int knee_c
 
 static struct entry compute(const struct rehearsals *r, int task, int knee_case) {
     const struct api_config *config = r->config;
-    struct entry made = {.used = true, .task = task, .knee_case = knee_case};
+    struct entry made = {.task = task, .knee_case = knee_case};
     struct error err = {""};
-    if (config->rehearse(config->user, task, knee_case, &made.batch, &made.size, &err) !=
-        RESULT_OK) {
+    enum result result =
+        config->rehearse(config->user, task, knee_case, &made.batch, &made.size, &err);
+    made.used = result == RESULT_OK || result == RESULT_MISSING; // what else failed may pass
+    if (result != RESULT_OK) {
         made.batch = NULL;
         log_info("api", "no expert's hands at the task %s on the case %s: %s",
                  config->tasks[task].name, config->cases[knee_case].name, err.text);

@@ -24,7 +24,8 @@ static double largest_coordinate(const struct mesh *mesh) {
 }
 
 enum result query_create(const struct mesh *mesh, struct query **out_query, struct error *err) {
-    (void)err;
+    if (!mesh->triangle_count)
+        return fail(err, RESULT_INVALID, "a surface without triangles");
     struct query *query = alloc(1, sizeof *query);
     query->mesh = mesh;
     query->reach = largest_coordinate(mesh);

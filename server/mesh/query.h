@@ -21,7 +21,7 @@ struct closest {
 };
 
 // The query keeps a pointer to the mesh, which must outlive it unchanged and pass mesh_validate.
-// RESULT_OK: it needs memory alone. The caller destroys it.
+// RESULT_INVALID: it has no triangles. The caller destroys it.
 enum result query_create(const struct mesh *mesh, struct query **out_query, struct error *err);
 void query_destroy(struct query **query); // NULL inside is fine; *query becomes NULL
 

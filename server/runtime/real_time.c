@@ -3,6 +3,7 @@
 #include "base/clock.h"
 
 #include <sched.h>
+#include <sys/resource.h>
 
 #define LOOK_NS (100 * NS_PER_MS)
 #define BUSY_MOST 0.8
@@ -10,11 +11,19 @@
 
 static bool set(bool on) {
     struct sched_param parameters = {.sched_priority = on ? REAL_TIME_PRIORITY : 0};
-    return !sched_setscheduler(0, on ? SCHED_RR | SCHED_RESET_ON_FORK : SCHED_OTHER, &parameters);
+    // Who took the flag without a privilege cannot give it back.
+    int policy = SCHED_RESET_ON_FORK | (on ? SCHED_RR : SCHED_OTHER);
+    return !sched_setscheduler(0, policy, &parameters);
+}
+
+// Who is root could always take it, and then a second server on the same machine would suffer.
+static bool is_granted(void) {
+    struct rlimit limit;
+    return !getrlimit(RLIMIT_RTPRIO, &limit) && limit.rlim_cur >= REAL_TIME_PRIORITY;
 }
 
 bool real_time_begin(struct real_time *r, int64_t now_ns) {
-    bool given = set(true);
+    bool given = is_granted() && set(true);
     *r = (struct real_time){.is_allowed = given, .is_on = given, .looked_ns = now_ns};
     return given;
 }

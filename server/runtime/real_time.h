@@ -1,5 +1,5 @@
-// A worker at real-time priority, where the system allows it: no other program then keeps a pose
-// waiting. A worker that is busy for most of the time goes back to normal priority meanwhile, so
+// A worker at real-time priority, where the limit RTPRIO of the process grants it: no other program
+// then keeps a pose waiting. A worker that is busy for most of the time goes back to normal priority meanwhile, so
 // that traces, the console and other programs go on. For the worker's thread alone.
 #pragma once
 
@@ -13,7 +13,7 @@ struct real_time {
     int64_t looked_ns, waited_ns; // of this look
 };
 
-// Takes the priority. False: the system does not give it.
+// Takes the priority. False: it is not granted.
 bool real_time_begin(struct real_time *real_time, int64_t now_ns);
 
 // After each wait, with when it began. Looks ten times a second at the time that passed: above 80 %

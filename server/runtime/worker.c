@@ -298,8 +298,10 @@ static void begin_real_time(struct worker *worker) {
     if (given)
         log_info("runtime", "workers run at real-time priority %d", REAL_TIME_PRIORITY);
     else
-        log_info("runtime", "the system gives workers no real-time priority: other programs may "
-                            "delay poses (INSTALL.md)");
+        log_info("runtime",
+                 "no real-time priority for workers, as the limit RTPRIO is below %d: "
+                 "other programs may delay poses (INSTALL.md)",
+                 REAL_TIME_PRIORITY);
 }
 
 static void *work(void *argument) {
@@ -324,6 +326,8 @@ static void *work(void *argument) {
     take_requests(worker);
     while (!end_sessions(worker)) {
         progress_note(&worker->progress, "wait for the last cuts", -1);
+        while (looks_take(worker->looks, clock_now_ns()) >= 0)
+            ; // nobody is looked at any more
         wait_for_work(worker, fds, false);
         step_results(worker);
     }

@@ -133,15 +133,26 @@ static bool on_record(void *user, const struct trace_record *record) {
     return true;
 }
 
+// Where no whole record lies behind the state, the session goes on from the state itself.
+static enum result place_at_state(struct resume_run *r) {
+    struct trace_place end = trace_reader_place(r->reader);
+    if (r->restored->place.offset >= r->kept)
+        return RESULT_MISSING;
+    if (end.offset != r->kept)
+        return fail(r->err, RESULT_CORRUPT, "%s: it ends before its state", r->path);
+    r->restored->place = end;
+    return RESULT_MISSING;
+}
+
 // RESULT_MISSING at the end of a trace that was not closed: as it should be.
 static enum result run(struct resume_run *r) {
     struct trace_player player = {.user = r, .record = on_record};
     enum result end = trace_play(r->reader, &player, r->err);
-    if (trace_ends_torn(r->reader))
+    if (trace_ends_torn(r->reader) || end == RESULT_OK)
         end = RESULT_MISSING;
-    if (r->result != RESULT_OK || end != RESULT_OK)
-        return r->result != RESULT_OK ? r->result : end;
-    return RESULT_MISSING;
+    if (r->result != RESULT_OK)
+        return r->result;
+    return end == RESULT_MISSING ? place_at_state(r) : end;
 }
 
 // A copy is of a time that there was.

@@ -48,7 +48,9 @@ struct operation *operation_create(const struct scene *scene, int rules,
 void operated_take_over(struct operated_tissue *t) {
     if (t->now.mesh)
         return;
+    uint32_t refused = t->now.figures.refused; // of a session that was read again
     t->now = tissue_state_whole(t->scene, t->rules, t->now.figures.mesh_number);
+    t->now.figures.refused = refused;
     if (operated_touch_width(t) == 3)
         t->fitting = fitting_create(t->scene->match, &t->group->mesh, t->rules >= RULES_TOUCH_LAID);
     t->touch_before = alloc((size_t)operated_touch_width(t) * t->group->mesh.vertex_count,

@@ -124,7 +124,8 @@ static enum result look_at_trace(const char *trace, struct trace_state *state, s
         return fail(err, RESULT_IO, "%s: %s", trace, strerror(errno));
     off_t at = (off_t)(state->place.offset - sizeof end);
     bool there = fstat(fd, &status) == 0 && (uint64_t)status.st_size >= state->place.offset &&
-                 pread(fd, end, sizeof end, at) == (ssize_t)sizeof end;
+                 pread(fd, end, sizeof end, at) == (ssize_t)sizeof end &&
+                 fdatasync(fd) == 0; // a state must not outlive what it is of
     close(fd);
     if (!there)
         return fail(err, RESULT_MISSING, "%s: it is not yet so long", trace);

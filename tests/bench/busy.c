@@ -7,6 +7,7 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -54,6 +55,11 @@ static void end_compilers(const pid_t *pids) {
         kill(pids[i], SIGKILL);
         waitpid(pids[i], NULL, 0);
     }
+}
+
+bool busy_grant(void) {
+    struct rlimit limit = {STATION_PRIORITY, STATION_PRIORITY};
+    return !setrlimit(RLIMIT_RTPRIO, &limit);
 }
 
 // ---- the stations -------------------------------------------------------------------------------

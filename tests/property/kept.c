@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "generated.h"
 #include "random.h"
-#include "step/operation.h"
+#include "step/operation_parts.h"
 #include "step/scene_parts.h"
 #include "step/session.h"
 #include "test.h"
@@ -395,9 +395,29 @@ static void damaged_memory_is_refused_or_harmless(void **state) {
     end(&l);
 }
 
+// Tissue that no cut has changed yet, but one was refused.
+static void refused_cuts_stay_counted(void **state) {
+    (void)state;
+    struct living l = live(), other;
+    struct job job = {.id = 1, .kind = JOB_CUT, .move_count = 1};
+    pose away = {{1, 0, 0, 0}, {500, 0, 0}};
+    job.moves[0] =
+        (struct blade_move){CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT, {away, away}, {1, 0}};
+    l.operation->tissues[0].now.figures.refused = 2;
+    struct image image = keep(&l);
+    assert_true(take(&image, &other));
+    struct job_result *result = operation_run(other.operation, &job);
+    assert_int_equal(result->figures.refused, 2);
+    job_result_destroy(&result);
+    end(&other);
+    drop(&image);
+    end(&l);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_session_that_is_kept_goes_on_with_the_same_bits),
+        cmocka_unit_test(refused_cuts_stay_counted),
         cmocka_unit_test(damaged_memory_is_refused_or_harmless),
     };
     return cmocka_run_group_tests(tests, make_scene, drop_scene);

@@ -4,6 +4,7 @@
 #include "test.h"
 
 #include <sched.h>
+#include <sys/resource.h>
 
 #define ROUND_NS (10 * NS_PER_MS)
 
@@ -21,11 +22,23 @@ static void pass(struct real_time *r, int64_t *now_ns, double waits) {
 }
 
 // Where the system gives no priority it stays as it is.
+static void without_the_limit_there_is_no_priority(void **state) {
+    (void)state;
+    struct rlimit limit = {REAL_TIME_PRIORITY - 1, REAL_TIME_PRIORITY};
+    struct real_time r;
+    int usual = policy();
+    setrlimit(RLIMIT_RTPRIO, &limit);
+    assert_false(real_time_begin(&r, NS_PER_S));
+    assert_int_equal(policy(), usual);
+}
+
 static void who_is_busy_gives_the_priority_back(void **state) {
     (void)state;
     int64_t now_ns = 5 * NS_PER_S;
     struct real_time r;
     int usual = policy();
+    struct rlimit limit = {REAL_TIME_PRIORITY, REAL_TIME_PRIORITY};
+    setrlimit(RLIMIT_RTPRIO, &limit);
     int taken = real_time_begin(&r, now_ns) ? SCHED_RR : usual;
     assert_int_equal(policy(), taken);
     pass(&r, &now_ns, 0.7);
@@ -41,6 +54,7 @@ static void who_is_busy_gives_the_priority_back(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(who_is_busy_gives_the_priority_back)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(without_the_limit_there_is_no_priority),
+                                       cmocka_unit_test(who_is_busy_gives_the_priority_back)};
     return cmocka_run_group_tests_name("real_time", tests, NULL, NULL);
 }

@@ -403,6 +403,7 @@ static void refused_cuts_stay_counted(void **state) {
     pose away = {{1, 0, 0, 0}, {500, 0, 0}};
     job.moves[0] =
         (struct blade_move){CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT, {away, away}, {1, 0}};
+    step(&l, &(struct session_input){.kind = INPUT_START, .time_ns = 1});
     l.operation->tissues[0].now.figures.refused = 2;
     struct image image = keep(&l);
     assert_true(take(&image, &other));

@@ -121,12 +121,18 @@ void control_send_from_here(struct peer *peer, const arthron_Control *message) {
 
 // ---- the control thread -------------------------------------------------------------------------
 
+// It takes nothing.
+static void end_soon(struct peer *peer) {
+    peer->closing = true;
+    lws_set_timer_usecs(peer->wsi, 1);
+}
+
 static void serve(struct control *control, const struct peer_slot *slot) {
     struct peer *peer = slot->peer;
     if (ws_server_stops(control->server))
         peer_refuse(peer, arthron_Refusal_Reason_SHUTDOWN, "the server stops");
     else if (slot->overflown)
-        lws_set_timeout(peer->wsi, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
+        end_soon(peer);
     else
         lws_callback_on_writable(peer->wsi);
 }
@@ -348,7 +354,7 @@ static int tick(struct peer *peer) {
         return 0;
     if (next_us <= 0 || peer->closing) {
         if (!peer_tick(peer, now_ns, &next_us))
-            return -1;
+            return ws_end(peer->wsi);
         peer->tick_ns = peer->agreed ? now_ns + 1000 * next_us : 0;
         if (next_us >= TOGETHER_NS / 1000) // with those of other peers, in one turn of the thread
             peer->tick_ns -= peer->tick_ns % TOGETHER_NS;

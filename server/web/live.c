@@ -50,7 +50,7 @@ static void close_with(struct web_connection *c, enum close_status status) {
         return;
     c->live->closing = (int)status;
     leave(c);
-    lws_set_timeout(c->socket, PENDING_TIMEOUT_USER_OK, CLOSE_S);
+    lws_set_timer_usecs(c->socket, CLOSE_S * LWS_USEC_PER_SEC);
     lws_callback_on_writable(c->socket);
 }
 

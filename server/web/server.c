@@ -145,6 +145,8 @@ static int on_live(struct lws *socket, enum lws_callback_reasons reason, void *u
         return live_write(connection);
     case LWS_CALLBACK_WS_PEER_INITIATED_CLOSE:
         return ws_closed(socket, connection->live && connection->live->closing);
+    case LWS_CALLBACK_TIMER: // it was to be closed
+        return ws_end(socket);
     default:
         return 0;
     }

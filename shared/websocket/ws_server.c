@@ -17,7 +17,6 @@
 
 #define GOODBYE_US (500 * LWS_US_PER_MS)
 #define LOOK_AGAIN_US LWS_US_PER_SEC
-#define CLOSE_S 1
 #define WRITE_CLOSE ((enum lws_write_protocol)4) // libwebsockets' own name for it is not public
 #define UNSENT_MAX 16384
 #define ENOUGH_DESCRIPTORS 1024
@@ -207,13 +206,18 @@ static int say_close(struct lws *socket, int status) {
 }
 
 int ws_close(struct lws *socket, int status) {
-    lws_set_timeout(socket, PENDING_TIMEOUT_USER_OK, CLOSE_S);
+    lws_set_timer_usecs(socket, LWS_USEC_PER_SEC);
     return say_close(socket, status);
 }
 
 int ws_closed(struct lws *socket, bool closes) {
     if (!closes)
         say_close(socket, LWS_CLOSE_STATUS_NORMAL);
+    return ws_end(socket);
+}
+
+int ws_end(struct lws *socket) {
+    lws_rx_flow_control(socket, 0);
     return -1;
 }
 

@@ -53,14 +53,18 @@ void ws_server_stop(struct ws_server *server);
 void ws_server_destroy(struct ws_server **server); // NULL inside is fine; stopped, or not started
 
 // Closes a WebSocket in order: it says the status (RFC 6455, section 7.4) and ends with the other
-// side's close frame, or after a second. Its callback receives until then. Not lws_close_reason:
-// with that, libwebsockets never returns from reading while a sender over TLS has more. -1: end it
-// now.
+// side's close frame, or with LWS_CALLBACK_TIMER after a second, which then returns ws_end. Its
+// callback receives until then. Not lws_close_reason: with that, libwebsockets never returns from
+// reading while a sender over TLS has more. -1: end it now.
 int ws_close(struct lws *socket, int status);
 
 // What a callback returns to LWS_CALLBACK_WS_PEER_INITIATED_CLOSE, for the same reason. closes:
 // after ws_close.
 int ws_closed(struct lws *socket, bool closes);
+
+// What a callback returns to end a WebSocket now. Nothing more is read from it: libwebsockets never
+// returns from reading what an ended socket sends while something written waits.
+int ws_end(struct lws *socket);
 
 // Keeps the kernel's send buffer short, so that new messages do not queue behind old ones.
 void ws_keep_queue_short(struct lws *socket);

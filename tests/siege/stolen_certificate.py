@@ -168,6 +168,20 @@ class Thief:
             self.closed_s = time.monotonic()
 
 
+def deaf_flood(port, keys, closes):
+    """Sends what it can and reads nothing, so that what the server sends waits, until it is ended or ends itself."""
+    thief = Thief(int(port), keys)
+    while not thief.keys:
+        thief.hear(0.05)
+    thief.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    thief.hear = lambda seconds: None
+    thief.until = time.monotonic() + PATIENCE_S
+    if closes == "closes":
+        threading.Timer(BEFORE_S, lambda: thief.socket.socket.sendall(b"\x88\x80" + bytes(4))).start()
+    print("it floods", flush=True)
+    thief.flood_tcp()
+
+
 def framed(data):
     """A WebSocket message whose mask is 0."""
     size = bytes([0x80 | len(data)]) if len(data) < 126 else b"\xfe" + struct.pack(">H", len(data))
@@ -253,8 +267,25 @@ class StolenCertificate(Siege):
             self.assertLess(during["unanswered"], at_rest["unanswered"] + 0.05 * during["poses_sent"])
 
 
+    def test_a_deaf_one_that_is_ended_holds_up_nobody(self):
+        self.start_server(ROOMS)
+        for ending in ("revoked", "closes"):
+            self.enrol("room-2")
+            thief = self.attack("deaf", self.port, self.path("keys-room-2"), ending)
+            thief.stdout.readline()
+            time.sleep(BEFORE_S)
+            if ending == "revoked":
+                call("arthron-server", "keys", "revoke", self.keys, "room-2")
+            thief.wait(timeout=PATIENCE_S)
+            begun = time.monotonic()
+            self.enrol("room-1")
+            self.figure(f"another one enrols once it {ending}", time.monotonic() - begun, "s")
+
+
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--attack"]:
+    if sys.argv[1:3] == ["--attack", "deaf"]:
+        deaf_flood(*sys.argv[3:])
+    elif sys.argv[1:2] == ["--attack"]:
         attack(*sys.argv[2:])
     else:
         unittest.main(verbosity=2)

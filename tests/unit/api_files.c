@@ -276,8 +276,10 @@ int ask_from(const char *address, const char *method, const char *path, const ch
                                         .by_cookie = true,
                                         .device = device,
                                         .address = address};
-    forget_answer();
-    api_answer(the_api, &request, &answer);
+    struct web_response made = {0};
+    api_answer(the_api, &request, &made);
+    forget_answer(); // also what was asked meanwhile
+    answer = made;
     if (answer.body && !answer.type[0]) {
         said = json_loadb(answer.body, answer.size, 0, NULL);
         assert_non_null(said);

@@ -6,6 +6,7 @@
 #include "report/html.h"
 #include "report/strip.h"
 #include "review/cohort.h"
+#include "review/outcome.h"
 #include "review/plots.h"
 #include "review/words.h"
 #include "step/settings.h"
@@ -152,11 +153,6 @@ static void write_joint(const struct review_page *page) {
 
 // ---- resection ----------------------------------------------------------------------------------
 
-static bool is_resected(const struct review_page *page, int tissue) {
-    const struct tissue_figures *f = &page->survey.tissues[tissue];
-    return f->mesh_number || f->refused;
-}
-
 // Sessions of earlier rules did not measure it.
 static bool tells_mismatch(const struct review_page *page) {
     return page->header->settings.rules >= RULES_TOUCH_FITTED;
@@ -164,36 +160,6 @@ static bool tells_mismatch(const struct review_page *page) {
 
 static void write_value(FILE *file, double value) {
     fprintf(file, "<td class=\"n\">%.2f</td>", fabs(value) < 0.005 ? 0 : value); // never -0.00
-}
-
-static void write_outcome_of(const struct review_page *page, int tissue) {
-    const struct tissue_figures *f = &page->survey.tissues[tissue];
-    const struct quality_report *q = &f->quality;
-    char name[SUBJECT_LABEL_MAX];
-    subject_tissue_label(page->knee, tissue, name);
-    fputs("<p><strong>", page->file);
-    html_text(page->file, name);
-    fputs("</strong>: ", page->file);
-    if (q->planned_mm3 > 0)
-        fprintf(page->file, "%.1f of %.1f mm³ planned removed, %.1f mm³ too much.",
-                fmax(0, q->planned_mm3 - q->under_mm3), q->planned_mm3, q->over_mm3);
-    else
-        fprintf(page->file, "%.1f mm³ removed.", q->removed_mm3 + f->pieces_mm3);
-    if (metrics_has_zones(page->knee, tissue))
-        fprintf(page->file, " Thinnest remaining rim %.1f mm.", q->rim_mm);
-    fprintf(page->file, " %" PRIu32 " %s.</p>\n", f->cuts, f->cuts == 1 ? "cut" : "cuts");
-}
-
-static void write_outcome(const struct review_page *page) {
-    bool any = false;
-    fputs("<h2>Outcome</h2>\n", page->file);
-    for (int i = 0; i < TISSUES_MAX; i++) {
-        if (is_resected(page, i))
-            write_outcome_of(page, i);
-        any = any || is_resected(page, i);
-    }
-    if (!any)
-        fputs("<p>Nothing was cut.</p>\n", page->file);
 }
 
 static void write_resection_row(const struct review_page *page, int tissue) {
@@ -238,7 +204,7 @@ static void write_mismatch(const struct review_page *page) {
     for (int i = 0; i < TISSUES_MAX; i++) {
         const struct tissue_figures *f = &page->survey.tissues[i];
         char name[SUBJECT_LABEL_MAX];
-        if (!is_resected(page, i))
+        if (!survey_is_resected(&page->survey, i))
             continue;
         subject_tissue_label(page->knee, i, name);
         fputs("<tr><td>", page->file);
@@ -258,7 +224,7 @@ static void write_resection(const struct review_page *page) {
         "rim, mm",   "step, mm"};
     bool any = false;
     for (int i = 0; i < TISSUES_MAX; i++)
-        any = any || is_resected(page, i);
+        any = any || survey_is_resected(&page->survey, i);
     if (!any)
         return;
     fputs("<h2>Resection</h2>\n<table>\n<tr><th>tissue</th>", page->file);
@@ -266,7 +232,7 @@ static void write_resection(const struct review_page *page) {
         fprintf(page->file, "<th class=\"n\">%s</th>", heads[i]);
     fputs("</tr>\n", page->file);
     for (int i = 0; i < TISSUES_MAX; i++)
-        if (is_resected(page, i))
+        if (survey_is_resected(&page->survey, i))
             write_resection_row(page, i);
     fputs("</table>\n", page->file);
     if (tells_mismatch(page))
@@ -432,7 +398,7 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
 static void write_page(struct review_page *page) {
     html_begin(page->file, "Session report");
     write_origin(page);
-    write_outcome(page);
+    report_outcome(page->file, &page->survey, page->knee);
     write_resection(page);
     write_figures(page);
     write_instruments(page);

@@ -159,3 +159,11 @@ void survey_read(struct trace_reader *reader, survey_progress progress, struct s
 double survey_seconds(const struct survey *s) {
     return (double)(s->last_ns - s->first_ns) / (double)NS_PER_S;
 }
+
+bool survey_is_resected(const struct survey *s, int tissue) {
+    return s->tissues[tissue].mesh_number || s->tissues[tissue].refused;
+}
+
+uint64_t survey_attempts(const struct survey *s) {
+    return s->attempt_count < SURVEY_ATTEMPTS_MAX ? s->attempt_count : SURVEY_ATTEMPTS_MAX;
+}

@@ -50,3 +50,5 @@ typedef void (*survey_progress)(uint64_t done, uint64_t all);
 void survey_read(struct trace_reader *reader, survey_progress progress, struct survey *out_survey);
 
 double survey_seconds(const struct survey *survey);
+bool survey_is_resected(const struct survey *survey, int tissue); // or a cut of it was refused
+uint64_t survey_attempts(const struct survey *survey);            // that are kept

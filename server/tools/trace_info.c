@@ -169,13 +169,9 @@ static json_t *markers_array(const struct trace_header *h, const struct survey *
     return all;
 }
 
-static uint64_t shown_attempts(const struct survey *s) {
-    return s->attempt_count < SURVEY_ATTEMPTS_MAX ? s->attempt_count : SURVEY_ATTEMPTS_MAX;
-}
-
 static json_t *attempts_array(const struct survey *s) {
     json_t *all = json_array();
-    for (uint64_t i = 0; i < shown_attempts(s); i++) {
+    for (uint64_t i = 0; i < survey_attempts(s); i++) {
         const struct trace_attempt *b = &s->attempts[i].begun;
         const struct trace_outcome *e = &s->attempts[i].ended;
         json_array_append_new(
@@ -268,7 +264,7 @@ static void print_markers(const struct trace_header *h, const struct survey *s) 
 }
 
 static void print_attempts(const struct survey *s) {
-    for (uint64_t i = 0; i < shown_attempts(s); i++) {
+    for (uint64_t i = 0; i < survey_attempts(s); i++) {
         const struct trace_attempt *b = &s->attempts[i].begun;
         const struct trace_outcome *e = &s->attempts[i].ended;
         printf("attempt %-3u %s, %s, scope in the %s hand: ", b->number, b->task,
@@ -279,8 +275,8 @@ static void print_attempts(const struct survey *s) {
         else
             puts("its end is not recorded");
     }
-    if (s->attempt_count > shown_attempts(s))
-        printf("attempt     %" PRIu64 " more\n", s->attempt_count - shown_attempts(s));
+    if (s->attempt_count > survey_attempts(s))
+        printf("attempt     %" PRIu64 " more\n", s->attempt_count - survey_attempts(s));
 }
 
 static void print_origin(const struct trace_header *h) {

@@ -99,6 +99,7 @@ async function a_trainee_runs_a_station_alone(world) {
     await look(world, page, "train-briefing");
     await start.click();
     await page.getByText("Step 1 of 3").waitFor();
+    for (const hint of ["in the middle of the picture", "picture upright to 20°", "held for 3 s"]) await page.locator(".do-hint li", { hasText: hint }).waitFor();
     await look(world, page, "train-do");
     await press(page, "Help");
     await answerOnTheWall(world, trainee);
@@ -140,6 +141,18 @@ async function a_briefing_shows_the_plan(world) {
   });
 }
 
+/** What the trainee of an exam sees: the clock, and no goal, no hint, no count of errors, no help. */
+async function traineeGetsNoHint(world, code) {
+  const { browser } = world;
+  const page = await browser.page(await browser.context(), `#/train/${EXAM_STATION}`, [/status of 401/, /WebSocket connection/]);
+  await page.getByLabel("Your code").fill(code);
+  await press(page, "Sign in");
+  const edge = page.locator(".do-edge");
+  await edge.getByRole("timer").waitFor();
+  await look(world, page, "train-exam");
+  assert.match(await edge.innerText(), /^Steady camera\s+\d:\d\d\s+of 3:00\s+End attempt$/);
+}
+
 /** In an exam nobody helps, and who intervenes says why. */
 async function an_exam_is_sealed(world) {
   const { testbed, browser, users } = world;
@@ -153,6 +166,7 @@ async function an_exam_is_sealed(world) {
     await page.getByRole("dialog").getByLabel("Station").selectOption(EXAM_STATION);
     await press(page.getByRole("dialog"), "Start");
     await page.getByText("Attempt begun").waitFor();
+    await traineeGetsNoHint(world, (await ask("POST", `/trainees/${trainee}/code`, {})).code);
     await page.goto(`${browser.url}/#/station/${EXAM_STATION}`);
     await page.locator(".badge", { hasText: "Exam" }).waitFor();
     for (const name of ["Undo cut", "Marker", "Note …"]) assert.equal(await page.getByRole("button", { name }).count(), 0, name);

@@ -2,7 +2,7 @@
 import { Fragment } from "preact";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import { SessionState } from "wire";
-import type { Account } from "../api";
+import { part, type Account } from "../api";
 import type { App } from "../app";
 import { explain, whyOf } from "../explain";
 import { nameInWords } from "../groups";
@@ -14,7 +14,7 @@ import { routeTo, type Route } from "../router";
 import { FeedSource } from "../source";
 import { Clip } from "../teach/clip";
 import { ExpertClip, prepareExpert, useExpert } from "../teach/expert";
-import { Goals } from "../teach/limits_words";
+import { Goals, sentencesOf } from "../teach/limits_words";
 import { PlanPicture } from "../teach/plan_picture";
 import { attemptOf, beginCommand, helpCommand, leaveCommand, stopCommand, takeCommand } from "../teach/live_attempt";
 import { casesOf, clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Step, type Task, type Today } from "../teach/model";
@@ -142,7 +142,7 @@ function Trainee({ station, route, app, account }: { station: string; route: Rou
   };
   const choose = async (task: string, hand: Hand): Promise<void> => {
     try {
-      const [{ task: found }, today] = await Promise.all([app.api.get<{ task: Task }>(`/tasks/${encodeURIComponent(task)}`), app.api.get<Today>("/trainees/me/today")]);
+      const [{ task: found }, today] = await Promise.all([app.api.get<{ task: Task }>(`/tasks/${part(task)}`), app.api.get<Today>("/trainees/me/today")]);
       if (attempt?.end) setClosed(attempt.number);
       setChosen({ task: found, hand, cases: casesOf(today, task) });
     } catch (error) {
@@ -302,7 +302,8 @@ function Do({ app, route, station, live, attempt }: { app: App; route: Route; st
       <div class="view scope do-scope"><Scope key={attempt.number} route={{ ...route, args: [station] }} app={app} place={{ source: live.source, plain: exam }} /></div>
       <aside class="do-edge" aria-label={attempt.title}>
         <p class="do-title">{attempt.title}</p>
-        {!exam && attempt.goals.length > 0 && <div class="do-step" role="status"><p>{next ? words.step(met + 1, attempt.goals.length) : words.allMet}</p><p class="do-goal">{next ? nameInWords(next.name) : ""}</p></div>}
+        {!exam && attempt.goals.length > 0 && <div class="do-step" role="status"><p>{next ? words.step(met + 1, attempt.goals.length) : words.allMet}</p><p class="do-goal">{next ? nameInWords(next.name) : ""}</p>
+          <Hint app={app} attempt={attempt} goal={next ? attempt.goals.indexOf(next) : -1} /></div>}
         <p class="do-clock number" role="timer" aria-label={words.clock}>{format.clock(time)} <span>{words.limit(format.clock(attempt.limit_s))}</span></p>
         {!exam && <p class="do-errors number">{words.errors(errorsOf(attempt))}</p>}
         <span class="do-space" />
@@ -311,6 +312,13 @@ function Do({ app, route, station, live, attempt }: { app: App; route: Route; st
       </aside>
     </div>
   );
+}
+
+/** What the goal asks, by the version of the task that is judged. */
+function Hint({ app, attempt: { task, version }, goal }: { app: App; attempt: Attempt; goal: number }) {
+  const { value } = useLoaded(() => app.api.get<{ task: Task }>(`/tasks/${part(task)}`), [task]);
+  const limits = value?.task.version === version ? value.task.limits[goal] : undefined;
+  return limits ? <ul class="do-hint">{sentencesOf(limits).map((words) => <li key={words}>{words}</li>)}</ul> : null;
 }
 
 // ---- feedback --------------------------------------------------------------------------------------------

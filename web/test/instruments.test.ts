@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
-import { Box3, MeshBasicMaterial } from "three";
+import { Box3, MeshBasicMaterial, type Mesh } from "three";
 import { Instrument_Kind, InstrumentSchema, MomentSchema } from "wire";
 import { History, newRow, SEEN, SPEED, toolAt, WORKING } from "../src/history";
 import { colourOf, instrumentsOf, isOptic, nameOf, runs, USUAL } from "../src/instruments";
@@ -32,6 +32,16 @@ test("a shape has the sizes that are told", () => {
   const blade = shapeOf(CURETTE, material, material).root.children[1]!;
   const { min, max } = new Box3().setFromObject(blade);
   assert.deepEqual([min.x, min.y, min.z, max.x, max.y, max.z].map((v) => Math.round(1e3 * v) + 0), [-500, -3000, -9000, 500, 3000, 0]);
+});
+
+test("the bend of a probe leads from its shaft to its hook", () => {
+  const material = new MeshBasicMaterial();
+  const places = (shapeOf(USUAL[0]!, material, material).root.children[0] as Mesh).geometry.getAttribute("position");
+  for (let turn = 0; turn <= Math.PI / 2; turn += Math.PI / 16) { // a quarter of a circle of 0.7 mm, from the hook's axis to the shaft's
+    const [y, z] = [1 + 0.7 * Math.sin(turn), -1.15 + 0.7 * Math.cos(turn)];
+    const near = Array.from({ length: places.count }, (_, i) => Math.hypot(places.getX(i), places.getY(i) - y, places.getZ(i) - z));
+    assert.ok(Math.min(...near) < 0.46, `nothing is at y ${y}, z ${z}`);
+  }
 });
 
 test("a history keeps what a described instrument does", () => {

@@ -63,7 +63,7 @@ function group(...meshes: Mesh[]): Group {
 type Make = (instrument: Instrument, material: Material, bright: Material) => Shape;
 
 function probe(_: Instrument, material: Material): Shape {
-  const bend = new TorusGeometry(0.7, 0.45, 8, 8, Math.PI / 2).rotateY(Math.PI / 2).translate(0, HOOK - 0.7, -1.15);
+  const bend = new TorusGeometry(0.7, 0.45, 8, 8, Math.PI / 2).rotateY(-Math.PI / 2).translate(0, HOOK - 0.7, -1.15);
   const hook = new CylinderGeometry(0.45, 0.32, HOOK - 0.7, 10).translate(0, (HOOK - 0.7) / 2, -0.45);
   const tip = new SphereGeometry(0.34, 10, 8).translate(0, 0.34, -0.45);
   return still(group(new Mesh(merged(...shaftAndHandle(0.85, -1.1, HOOK), bend, hook, tip), material)));

@@ -144,7 +144,16 @@ async function a_course_is_renamed_and_left_and_deleted(world) {
   assert.deepEqual((await get(page, "/courses")).courses.filter(({ name }) => ["spring", "summer"].includes(name)), []);
 }
 
+async function the_audit_log_calls_a_session_by_a_few_digits_that_lead_to_it(world) {
+  const { id } = await world.testbed.recorded();
+  const page = await openDesk(world, "#/admin/audit");
+  const link = page.locator(`a[href="#/session/${id}"]`).first();
+  assert.equal(await link.innerText(), id.slice(0, 8));
+  assert.doesNotMatch(await page.locator("main").innerText(), /[0-9a-f]{32}/);
+}
+
 export const tests = [
+  the_audit_log_calls_a_session_by_a_few_digits_that_lead_to_it,
   a_trainee_gets_a_full_name_later_is_renamed_and_is_deleted, an_account_is_renamed_signed_out_and_deleted,
   sign_out_everywhere_ends_all_browsers_of_an_account, a_course_is_renamed_and_left_and_deleted,
   a_trainee_with_sessions_is_erased_and_a_session_deleted,

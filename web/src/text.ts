@@ -756,7 +756,7 @@ export const text = {
     research: {
       title: "Research", hint: "All attempts of a course, and everything about them as one archive.", course: "Course", task: "Task", allTasks: "All tasks", from: "From", to: "To", purpose: "Purpose",
       purposes: { "": "Practice and exams", practice: "Practice", exam: "Exams" } as Record<string, string>, query: "Show", download: "Download archive", found: (n: number, more: boolean) => `${count(n, "attempt")}${more ? " and more" : ""}`,
-      none: "No attempts match", archiveHint: "Tables in CSV with a codebook.",
+      none: "No attempts match", archiveHint: "Practice and exams, as tables in CSV with a codebook.",
       columns: { when: "When", trainee: "Trainee", task: "Task", hand: "Scope", goals: "Goals", time: "Time", errors: "Errors", verdict: "Verdict" },
     },
   },

@@ -1,5 +1,6 @@
 // Who trains at a station without an instructor, and who plans, follows and rates what they do.
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { SIZES, still } from "../browser.mjs";
 import { sleep, until } from "../programs.mjs";
 import { settled } from "./views.mjs";
@@ -196,6 +197,7 @@ async function a_director_and_a_rater_open_their_pages(world) {
     ["course-plan", `#/courses/${course}/plan`, page.getByText("Library")],
     ["course-task", `#/courses/${course}/plan`, page.getByText("would pass")],
     ["course-progress", `#/courses/${course}`, page.getByRole("table")],
+    ["research", "#/research", page.getByText("No attempts match")],
     ["exams", "#/exams", page.getByRole("link", { name: "Camera" }).first()],
     ["exam", `#/exams/${exam.id}`, page.getByRole("button", { name: "Begin sealed exam" })],
     ["rate", "#/rate", page.getByRole("heading", { name: "To rate" })],
@@ -203,6 +205,7 @@ async function a_director_and_a_rater_open_their_pages(world) {
   for (const [name, hash, there] of views) {
     await page.goto(`${browser.url}/${hash}`);
     if (name === "course-task") await page.getByRole("button", { name: /^Palpation/ }).click();
+    if (name === "research") await page.getByLabel("Course").selectOption(course);
     await there.first().waitFor();
     if (name === "course-task") await page.getByText("What each goal asks").click();
     await look(world, page, name);
@@ -246,7 +249,32 @@ async function a_rater_fills_the_form_beside_the_replay_through_the_scope(world)
   assert.deepEqual(ratings.map(({ own, sum, autonomy, remark, competent }) => [own, sum, autonomy, remark, competent]), [[true, 24, 3, "Steady.", true]]);
 }
 
+/** The names in a zip's directory. */
+const entriesOf = (zip) => [...zip.toString("latin1").matchAll(/PK\x01\x02/g)].map(({ index }) => zip.toString("utf8", index + 46, index + 46 + zip.readUInt16LE(index + 28)));
+
+async function a_researcher_asks_for_a_course_and_takes_all_of_it_along(world) {
+  const { browser, testbed, users } = world;
+  const ask = await asker(world);
+  await attempted(ask, world);
+  const course = testbed.newName("course");
+  await ask("POST", "/courses", { name: course });
+  await ask("POST", `/courses/${course}/trainees`, { trainee: RATED.trainee });
+  const page = await browser.page(await browser.context(users.instructor), "#/courses");
+  await page.getByRole("link", { name: "Research" }).click();
+  await page.getByLabel("Course").selectOption(course);
+  await page.getByLabel("Task").selectOption(TASK);
+  const { attempts } = await ask("GET", `/attempts?course=${course}&task=${TASK}`);
+  await until("its attempts are listed", async () => (await page.locator("tbody tr").count()) === attempts.length);
+  await look(world, page, "research-found");
+  const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("link", { name: "Download archive" }).click()]);
+  const names = entriesOf(readFileSync(await download.path()));
+  for (const name of ["attempts.csv", "codebook.csv"]) assert.ok(names.includes(name), `${name} is not in ${names}`);
+  await page.getByLabel("Task").selectOption("palpation");
+  await page.getByText("No attempts match").waitFor();
+}
+
 export const tests = [
   a_trainee_runs_a_station_alone, a_briefing_shows_the_plan, an_exam_is_sealed,
   a_rater_fills_the_form_beside_the_replay_through_the_scope, a_director_and_a_rater_open_their_pages,
+  a_researcher_asks_for_a_course_and_takes_all_of_it_along,
 ];

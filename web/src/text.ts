@@ -351,7 +351,7 @@ export const text = {
     mapHints: {
       displacement: "distance between the patient's and the mock-up's surface",
       gain: "motion of the shown tip divided by that of the hand, where the tip was",
-      plan: "left: planned, not removed · right: removed beyond the plan",
+      plan: "← left to remove · removed too much →",
       contact: "penetration depth, where the tip was",
       mismatch: "left: seen where nothing is touched · right: touched where nothing is seen",
     },
@@ -665,7 +665,7 @@ export const text = {
       rules: {
         help: () => "asks for help",
         outer: ({ value }) => `cut ${format.number(value)} mm³ of the outer third`,
-        beyond: ({ value, title }) => `cut ${format.percent(value, 0)} beyond the plan of ${title}`,
+        beyond: ({ value, title }) => `removed too much: ${format.percent(value, 0)} of the plan of ${title}`,
         unseen: ({ value }) => `works with a tool out of view for over ${format.number(value)} s`,
         stuck: ({ value, title }) => `made no progress in ${title} for ${format.ago(value * 1000)}`,
         deep: ({ value }) => `presses ${format.number(value, 1)} mm into tissue`,
@@ -678,7 +678,7 @@ export const text = {
       limitsOpen: "Limits", limitsTitle: "When a trainee is named here", limitsTask: "Task", limitsHint: "This browser keeps these limits.", limitsUsual: "Usual limits",
       limitWrong: "This number is out of range.",
       limits: {
-        outerMm3: "Removed from the outer third: over (mm³)", beyondShare: "Removed beyond the plan: over (%)", unseenS: "A tool works out of view for (s)",
+        outerMm3: "Removed from the outer third: over (mm³)", beyondShare: "Removed too much: over (% of the plan)", unseenS: "A tool works out of view for (s)",
         stuckS: "No progress for (s)", deepMm: "Pressed into tissue by (mm)", deepS: "Pressed for (s)", slowTimes: "Slower than the usual time: over (times)",
       },
       picture: (who: string) => `Scope picture of ${who}`,

@@ -383,6 +383,7 @@ test("a record names what was lost with a device", () => {
 });
 
 test("figures are called the same on the pages and in reports", () => {
+  assert.doesNotMatch(readFileSync("src/text.ts", "utf8"), /[`"][^`"]*(beyond the plan|still there|least rim)/i);
   const report = readFileSync("../server/review/words.c", "utf8");
   const enums = [...readFileSync("../server/metrics/figures.c", "utf8").matchAll(/\[(METRIC_\w+)\] = \{"(\w+)"/g)];
   assert.ok(enums.length > 40);

@@ -6,6 +6,16 @@ const card = (page, station) => page.locator("article.card").filter({ has: page.
 const standing = (page, station, kind, seconds) =>
   until(`${station} is ${kind}`, async () => (await card(page, station).getAttribute("data-status")) === kind, seconds);
 
+/** Whether a card's border is that of a card without a warning, and whether it is one with the least. */
+const borders = (of) => of.evaluate((element) => ["--line", "--look"].map((token) => {
+  const swatch = element.appendChild(document.createElement("i"));
+  swatch.style.color = `var(${token})`;
+  const { color } = getComputedStyle(swatch);
+  swatch.remove();
+  const { borderTopColor, boxShadow } = getComputedStyle(element);
+  return borderTopColor === color && boxShadow === "none";
+}));
+
 async function a_station_comes_degrades_goes_and_comes_back({ testbed, browser, users }) {
   const page = await browser.page(await browser.context(users.instructor), "#/wall");
   const absent = page.locator("details.absent");
@@ -19,6 +29,8 @@ async function a_station_comes_degrades_goes_and_comes_back({ testbed, browser, 
   await absent.getByRole("link", { name: "room-2", exact: true }).waitFor({ state: "detached" });
   await until("the scope's picture", () => card(page, "room-2").locator(".mini.in-scope").count());
   assert.equal(await card(page, "room-2").locator("dl").isVisible(), false);
+  await until("its case is unchecked", async () => (await card(page, "room-2").getAttribute("data-urgency")) === "look");
+  assert.deepEqual(await borders(card(page, "room-2")), [true, false], "that is for the technician, and no border says it");
   await page.getByLabel("Technical figures").check();
   const devices = card(page, "room-2").locator(".value").filter({ has: page.locator("dt", { hasText: /^Devices$/ }) }).locator(".figure");
   await until("the tracker is lost", async () => (await devices.innerText()) === "1/2");

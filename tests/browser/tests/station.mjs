@@ -50,6 +50,12 @@ async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
   const { testbed } = world;
   const page = await open(world, "room-1");
   await until("cuts", async () => (await testbed.resection("room-1")).cuts >= 6);
+  const labels = async () => (await page.locator(".plot-label:visible").allInnerTexts()).map((words) => words.split("\n")[0].trim());
+  const usual = await labels();
+  assert.ok(usual.length >= 4 && !usual.some((words) => /scale|offset/i.test(words)), `an instructor sees ${usual}`);
+  await page.getByLabel("Motion scale and offset").check();
+  await until("who asks sees them", async () => (await labels()).length === usual.length + 2);
+  await page.getByLabel("Motion scale and offset").uncheck();
   await press(page, "Pause");
   await said(page, "Pause: done");
   assert.equal((await testbed.station("room-1")).state, "paused");

@@ -12,6 +12,23 @@ const FAR = "127.0.0.2"; // where a station calls the server through the relay
 const ROUND_TRIP_MS = 50; // through it
 const LEAST_S = 4; // of a session that is recorded
 
+/** A task that the hands of room-1 fail by an error. */
+const HASTY = `[task]
+title = Hasty hands
+briefing = Take your time.
+[pass]
+time_s = 60
+source = a test
+[goal notch]
+see = notch
+hold_s = 60
+[error haste]
+tool = punch
+near_mm = 30
+speed_mm_s = 5
+for_s = 0.05
+`;
+
 /** What the config says of each station; the others are simulated. */
 export const STATIONS = {
   "room-1": { case: "tear-radial", trainee: "anna", motion: "bites" },
@@ -64,6 +81,7 @@ export class Testbed {
 
   async #makeCases() {
     cpSync(join(this.source, "cases/tasks"), this.path("cases/tasks"), { recursive: true });
+    writeFileSync(this.path("cases/tasks/hasty.ini"), HASTY);
     await Promise.all(CASES.map((name) => call("arthron-case", "generate", join(this.source, "cases", name), "--out", this.path("cases", name))));
   }
 

@@ -76,5 +76,5 @@ export function ScopeReplay({ source, time }: { source: Source; time: number }) 
   const replay = useMemo(() => new Replay(source), [source]);
   useLayoutEffect(() => replay.open(), [replay]);
   useEffect(() => replay.setTime(time), [replay, time]);
-  return <div class="scope-replay"><ScopeFrame stage={replay.stage} /><h3 class="unseen">{text.teach.replay.scope}</h3></div>;
+  return <div class="scope-replay" role="group" aria-label={text.teach.replay.scope}><ScopeFrame stage={replay.stage} /></div>;
 }

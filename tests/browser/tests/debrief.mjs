@@ -149,7 +149,52 @@ async function a_trainees_report_tells_nothing_of_the_few_others({ testbed, brow
   assert.ok(silent(admin) < rows(admin) / 2, "the instructor is told");
 }
 
+/** An attempt of room-1 in which an error was made: {session, number, occurrences}. */
+async function hasty({ testbed }, ask) {
+  await testbed.runStation("room-1");
+  const { id } = await testbed.station("room-1");
+  await sleep(5000); // of a session before the attempt
+  await testbed.session("begin", "room-1", "hasty");
+  await sleep(3000); // for its hands to come to the knee
+  await testbed.session("leave", "room-1");
+  const steps = await testbed.steps("room-1");
+  await testbed.session("stop", "room-1");
+  const { number } = await until("the attempt is kept", async () => (await ask("/attempts?limit=50")).attempts.find(({ session }) => session === id));
+  return { session: id, steps, ...(await ask(`/attempts/${id}/${number}`)) };
+}
+
+async function overlap(page, ...selectors) {
+  const [a, b] = await Promise.all(selectors.map((selector) => page.locator(selector).first().boundingBox()));
+  return a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height;
+}
+
+async function an_error_of_an_attempt_leads_to_what_led_to_it(world) {
+  const { browser, users } = world;
+  const context = await browser.context(users.instructor);
+  const desk = await browser.page(context, "#/nowhere");
+  const { session, steps, attempt, occurrences } = await hasty(world, (path) => desk.evaluate(async (of) => (await fetch(`/api/v1${of}`)).json(), path));
+  assert.ok(occurrences.length > 0, "the hands are not hasty");
+  const page = await browser.page(context, `#/session/${session}?attempt=${attempt.number}`);
+  await replayed(page);
+  const outcome = page.locator(".outcome");
+  await outcome.getByText("Not yet").waitFor();
+  const clock = async () => /^(\d+):(\d+\.\d) \//.exec(await page.locator(".transport-clock").innerText());
+  const seconds = async () => Number((await clock())[1]) * 60 + Number((await clock())[2]);
+  const last = occurrences.at(-1);
+  const happened = Number(steps.find((row) => Number(row.step) === last.step).t_seconds);
+  await outcome.getByRole("button", { name: /^Go to Haste/ }).last().click();
+  await page.locator(".debrief-scope .scope-round:not(.dark) canvas").waitFor();
+  await until("it is some seconds before the error", async () => Math.abs((await seconds()) - Math.max(0, happened - 4)) < 0.15);
+  await browser.picture(page, "debrief-error");
+  for (const other of [".viewport", ".plots-panel", ".panels"]) assert.ok(!(await overlap(page, ".debrief-scope", other)), `the scope covers ${other}`);
+  assert.ok(!(await overlap(page, ".tools-left .tool-row", ".tools-right")), "the tools of the picture cover each other");
+  await browser.check(page, "debrief, error");
+  await outcome.getByRole("button", { name: "Outcome" }).click();
+  await until("it is the attempt's end", async () => (await seconds()) > happened);
+}
+
 export const tests = [
+  an_error_of_an_attempt_leads_to_what_led_to_it,
   a_recorded_session_ends_with_the_volume_that_it_had, another_session_is_seen_beside_and_goes_with_the_cursor,
   the_hands_of_a_session_on_another_case_are_carried_over, a_trainees_report_tells_nothing_of_the_few_others,
   a_record_that_cannot_be_read_says_what_is_wrong,

@@ -110,6 +110,7 @@ class Replay {
     this.transport = new Transport(this.source);
     this.comparison = new Comparison(app, session, this.source, this.dashboard);
     this.attempts = debriefAttempts(app, session.id, this.source, Number(query.get("attempt")) || 0, (time) => this.transport.seek(time));
+    this.dashboard.viewports.append(this.attempts.scope);
     this.ends = this.listen();
     const other = query.get("with");
     if (other) void this.comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
@@ -161,7 +162,7 @@ function ReplayPage({ of }: { of: Replay }) {
       <CompareBar of={comparison} />
       <TransportBar of={transport} />
       {island(attempts.element)}
-      <div class="station-main">{island(dashboard.element)}{island(attempts.scope)}{covered && <div class="station-waiting"><Cover of={of} /></div>}</div>
+      <div class="station-main">{island(dashboard.element)}{covered && <div class="station-waiting"><Cover of={of} /></div>}</div>
     </div>
   );
 }

@@ -35,6 +35,7 @@ export function debriefAttempts(app: App, session: string, source: FeedSource, c
   const draw = (): void => render(scope.hidden ? null : <ScopeReplay source={source} time={now} />, scope);
   const through = (on: boolean): void => {
     scope.hidden = !on;
+    scope.classList.toggle("other", on); // beside the joint
     draw();
   };
   render(<Attempts app={app} session={session} steps={steps} chosen={chosen} seek={seek} through={through} />, element);

@@ -109,6 +109,8 @@ export class Arthroscope {
     this.joint.setRow(row, time);
     this.camera.position.set(row[pose + 4]!, row[pose + 5]!, row[pose + 6]!);
     this.camera.quaternion.set(row[pose + 1]!, row[pose + 2]!, row[pose + 3]!, row[pose]!).normalize().multiply(this.turn);
+    this.camera.updateMatrixWorld();
+    this.joint.touch(this.camera.matrixWorldInverse);
     this.joint.faceMarker(this.camera.quaternion);
     const now = performance.now();
     this.resize();

@@ -5,6 +5,7 @@ import {
   BoxGeometry, BufferAttribute, BufferGeometry, CylinderGeometry, Group, LatheGeometry, Mesh, SphereGeometry, TorusGeometry, Vector2, type Material,
 } from "three";
 import { Instrument_Kind, type Instrument } from "wire";
+import type { Shaft } from "./touch";
 
 const SHAFT = 130; // mm
 const HANDLE = 34;
@@ -14,6 +15,7 @@ const TURNS = 4; // of a burr, each second: as many as the eye can follow
 
 export interface Shape {
   root: Group;
+  shaft: Shaft;
   /** How open the handle is, whether it runs, and the time in s. */
   move(opening: number, running: boolean, time: number): void;
 }
@@ -50,8 +52,8 @@ function shaftAndHandle(radius: number, to: number, y = 0, neck = 0.75 * radius)
     tube(radius + 2.6, -SHAFT - HANDLE, -SHAFT, 0, y), tube(radius + 3.4, -SHAFT - 4, -SHAFT, 0, y)];
 }
 
-function still(root: Group): Shape {
-  return { root, move: () => {} };
+function still(root: Group, radius: number, y = 0): Shape {
+  return { root, shaft: { radius, y }, move: () => {} };
 }
 
 function group(...meshes: Mesh[]): Group {
@@ -66,7 +68,7 @@ function probe(_: Instrument, material: Material): Shape {
   const bend = new TorusGeometry(0.7, 0.45, 8, 8, Math.PI / 2).rotateY(-Math.PI / 2).translate(0, HOOK - 0.7, -1.15);
   const hook = new CylinderGeometry(0.45, 0.32, HOOK - 0.7, 10).translate(0, (HOOK - 0.7) / 2, -0.45);
   const tip = new SphereGeometry(0.34, 10, 8).translate(0, 0.34, -0.45);
-  return still(group(new Mesh(merged(...shaftAndHandle(0.85, -1.1, HOOK), bend, hook, tip), material)));
+  return still(group(new Mesh(merged(...shaftAndHandle(0.85, -1.1, HOOK), bend, hook, tip), material)), 0.85, HOOK);
 }
 
 const BITE = { teeth: 5, deep: 0.22, thick: 0.95 }; // of a jaw, mm
@@ -89,11 +91,13 @@ function halfSpindle(width: number, length: number): BufferGeometry {
 function jaws({ lengthMm: length, widthMm: width, openingDeg }: Instrument, material: Material): Shape {
   const lower = halfSpindle(width, length).translate(0, 0, -length);
   const pin = new CylinderGeometry(0.45, 0.45, 0.8 * width, 10).rotateZ(Math.PI / 2).translate(0, 0, -length);
-  const body = new Mesh(merged(...shaftAndHandle(Math.min(width / 2, SHAFT_MOST), -length + 0.3), lower, pin), material);
+  const radius = Math.min(width / 2, SHAFT_MOST);
+  const body = new Mesh(merged(...shaftAndHandle(radius, -length + 0.3), lower, pin), material);
   const jaw = new Mesh(halfSpindle(0.85 * width, 0.97 * length).rotateZ(Math.PI), material);
   jaw.position.set(0, 0, -length);
   return {
     root: group(body, jaw),
+    shaft: { radius, y: 0 },
     move: (opening) => {
       jaw.rotation.x = (-opening * openingDeg * Math.PI) / 180;
     },
@@ -118,6 +122,7 @@ function shaver({ widthMm }: Instrument, material: Material, bright: Material): 
   burr.geometry.computeVertexNormals();
   return {
     root: group(body, burr),
+    shaft: { radius: wall, y: 0 },
     move: (opening, running, time) => {
       if (running || opening > 0.5) burr.rotation.z = 2 * Math.PI * TURNS * time;
     },
@@ -127,7 +132,7 @@ function shaver({ widthMm }: Instrument, material: Material, bright: Material): 
 function knife({ lengthMm: length, widthMm: width, thicknessMm }: Instrument, material: Material, bright: Material): Shape {
   const blade = new BoxGeometry(thicknessMm, width, length).translate(0, 0, -length / 2);
   const back = new BoxGeometry(Math.max(0.5, thicknessMm), 1.4, 5).translate(0, -0.2, -length - 2);
-  return still(group(new Mesh(merged(...shaftAndHandle(1.5, -length - 4), back), material), new Mesh(blade, bright)));
+  return still(group(new Mesh(merged(...shaftAndHandle(1.5, -length - 4), back), material), new Mesh(blade, bright)), 1.5);
 }
 
 function scope(_: Instrument, material: Material, bright: Material): Shape {
@@ -135,7 +140,7 @@ function scope(_: Instrument, material: Material, bright: Material): Shape {
   const post = new CylinderGeometry(1.8, 1.8, 14, 12).translate(0, -9, -SHAFT + 8);
   const body = new Mesh(merged(tube(2, -SHAFT, -1.2), tube(4.5, -SHAFT, -SHAFT + 14), head, post), material);
   const lens = new Mesh(new CylinderGeometry(1.7, 1.9, 1.6, 20).rotateX(Math.PI / 2).translate(0, 0, -0.8), bright);
-  return still(group(body, lens));
+  return still(group(body, lens), 2);
 }
 
 const SHAPES: Record<Instrument_Kind, Make> = {

@@ -3,6 +3,7 @@
 import { BackSide, Color, DoubleSide, FrontSide, Matrix4, MeshPhongMaterial, ShaderChunk, type Side, type WebGLProgramParametersWithUniforms } from "three";
 import { CaseGroup_Kind, CaseGroup_Side, type CaseGroup } from "wire";
 import type { Colour } from "./colours";
+import { SHADE, YIELD, type Dent, type Shafts } from "./touch";
 
 const CUT: Colour = [226, 158, 136];
 const CARTILAGE: Colour = [217, 230, 232]; // of a bone's part
@@ -53,24 +54,28 @@ export interface Look {
   opacity?: number;
   side?: Side;
   colour?: number; // of all of it, instead of the vertices' own
-  grain?: Grain; // as the scope sees it
+  grain?: Grain | undefined; // as the scope sees it
+  dent?: Dent | undefined;
+  shafts?: Shafts | undefined;
 }
 
 // A tissue's fine structure: how often it changes in a millimetre along each axis, how rough it is, how much of the
-// light that enters it comes out elsewhere, how wide its film of water spreads a highlight, and what else it has.
+// light that enters it comes out elsewhere, how wide its film of water spreads a highlight, by how much it gives way
+// to a tip (mm), and what else it has.
 interface Grain {
   scale: [x: number, y: number, z: number];
   rough: number;
   soft: number;
   film: number;
+  give: number;
   more?: "lining" | "fray";
 }
 
 const GRAINS: Record<Kind, Grain> = {
-  bone: { scale: [0.5, 0.5, 0.5], rough: 0.05, soft: 0.5, film: 0.34 },
-  meniscus: { scale: [0.7, 0.7, 2.6], rough: 0.07, soft: 0.4, film: 0.22, more: "fray" }, // its fibres run round
-  ligament: { scale: [2.2, 1.6, 0.3], rough: 0.12, soft: 0.35, film: 0.3 }, // and those of a cruciate ligament upwards
-  lining: { scale: [0.36, 0.33, 0.3], rough: 0.2, soft: 0.6, film: 0.2, more: "lining" },
+  bone: { scale: [0.5, 0.5, 0.5], rough: 0.05, soft: 0.5, film: 0.34, give: 0.08 },
+  meniscus: { scale: [0.7, 0.7, 2.6], rough: 0.07, soft: 0.4, film: 0.22, give: 0.35, more: "fray" }, // its fibres run round
+  ligament: { scale: [2.2, 1.6, 0.3], rough: 0.12, soft: 0.35, film: 0.3, give: 0.3 }, // and those of a cruciate ligament upwards
+  lining: { scale: [0.36, 0.33, 0.3], rough: 0.2, soft: 0.6, film: 0.2, give: 0, more: "lining" },
 };
 
 export function grainOf(group: CaseGroup): Grain {
@@ -90,7 +95,7 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
     depthWrite: opacity === 1,
     side: look.side ?? FrontSide,
   });
-  const { grain } = look;
+  const { grain, dent, shafts } = look;
   material.onBeforeCompile = (shader) => {
     if (other) {
       shader.uniforms.other = { value: other };
@@ -99,8 +104,10 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
         .replace("#include <begin_vertex>", "vec3 transformed = mix(position, (other * vec4(position, 1.0)).xyz, share);");
     }
     if (grain) moisten(shader, grain);
+    if (dent) giveWay(shader, dent);
+    if (shafts) shadeBy(shader, shafts);
   };
-  material.customProgramCacheKey = () => `${other ? "bridge" : ""}${JSON.stringify(grain)}`;
+  material.customProgramCacheKey = () => `${other ? "bridge" : ""}${dent ? "dent" : ""}${JSON.stringify(grain)}`;
   return material;
 }
 
@@ -124,7 +131,18 @@ float noise3(vec3 x) {
 }
 `;
 
-type Shader = Pick<WebGLProgramParametersWithUniforms, "vertexShader" | "fragmentShader">;
+type Shader = Pick<WebGLProgramParametersWithUniforms, "uniforms" | "vertexShader" | "fragmentShader">;
+
+function giveWay(shader: Shader, dent: Dent): void {
+  Object.assign(shader.uniforms, { dentTip: dent.tip, dentWay: dent.way });
+  shader.vertexShader = YIELD.uniforms + shader.vertexShader
+    .replace("#include <beginnormal_vertex>", `#include <beginnormal_vertex>${YIELD.normal}`).replace("#include <begin_vertex>", `#include <begin_vertex>${YIELD.place}`);
+}
+
+function shadeBy(shader: Shader, { ends }: Shafts): void {
+  shader.uniforms.shafts = ends;
+  shader.fragmentShader = SHADE.uniforms + shader.fragmentShader.replace("#include <aomap_fragment>", SHADE.light);
+}
 
 // What a lamp's light does to a surface, instead of Phong's: `towards` is the lamp's cosine.
 function litBy(shader: Shader, direct: string): void {

@@ -1,6 +1,6 @@
 // One group's surfaces: the patient's, which may be cut, and on demand the mock-up's as a ghost.
 import {
-  BackSide, BufferAttribute, BufferGeometry, DynamicDrawUsage, FrontSide, Matrix4, Mesh, type MeshPhongMaterial, type Object3D,
+  BackSide, BufferAttribute, BufferGeometry, DynamicDrawUsage, FrontSide, Matrix4, Mesh, type MeshPhongMaterial, type Object3D, type Vector3,
 } from "three";
 import { CaseGroup_Kind } from "wire";
 import { isSkin } from "../groups";
@@ -8,6 +8,7 @@ import type { Tissue } from "../mesh";
 import { addNormals, type Group } from "./anatomy";
 import type { ColourMap, MapName } from "./colours";
 import { grainOf, tissueMaterial } from "./materials";
+import { Dent, depthAt, type Shafts } from "./touch";
 import { displacements, Grid, GRID_MM, Rim, paintMeasured, paintMismatch, paintPlan, paintTissue, REACH, type Canvas } from "./paint";
 
 const GHOST = 0x4aa3ff;
@@ -19,12 +20,19 @@ export class Surface {
   private ghost: Mesh | undefined;
   private canvas: Canvas;
   private readonly rim: Rim | undefined;
+  private readonly inScope: boolean;
   private grid: Grid | undefined;
   number = 0; // of the tissue that is shown; 0: the case's own surface
   private hash = 0n;
   private twin = 0; // vertex i of a cut surface is i + twin; 0: the mesh has none
 
-  constructor(readonly group: Group, private readonly inScope: boolean) {
+  readonly dent: Dent | undefined; // in the scope, of what does not bend between bodies
+
+  /** `shafts`: in the scope, those that shade it. */
+  constructor(readonly group: Group, shafts?: Shafts) {
+    const inScope = (this.inScope = shafts !== undefined);
+    const grain = inScope ? grainOf(group.about) : undefined;
+    if (grain?.give && !group.otherShare) this.dent = new Dent(grain.give);
     const geometry = new BufferGeometry();
     const { positions, normals } = group.virtual;
     const count = positions.length / 3;
@@ -35,7 +43,7 @@ export class Surface {
     if (group.otherShare) geometry.setAttribute("share", new BufferAttribute(group.otherShare, 1));
     const skin = isSkin(group.about);
     this.shown = new Mesh(geometry, tissueMaterial({
-      grain: inScope ? grainOf(group.about) : undefined, side: inScope && skin ? BackSide : FrontSide, // the scope is in it
+      grain, dent: this.dent, shafts, side: inScope && skin ? BackSide : FrontSide, // the scope is in it
       opacity: skin && !inScope ? 0.25 : 1,
     }, group.otherShare && this.other));
     this.shown.frustumCulled = false;
@@ -131,6 +139,15 @@ export class Surface {
   private newCanvas(positions: Float32Array, count: number, cut: (vertex: number) => boolean): Canvas {
     const colours = this.shown.geometry.getAttribute("color").array as Uint8Array;
     return { group: this.group, inside: this.inScope, count, positions, colours, cut, rim: this.rim, measured: new Float32Array(count).fill(NaN), mismatch: undefined };
+  }
+
+  /** To a tip in the body's frame. */
+  yieldTo(tip: Vector3): void {
+    if (!this.dent) return;
+    const { positions, count } = this.canvas;
+    this.grid ??= new Grid(positions, count, GRID_MM);
+    const depth = depthAt(this.grid, positions, this.shown.geometry.getAttribute("normal").array, tip);
+    if (depth) this.dent.set(tip, depth);
   }
 
   // ---- maps -----------------------------------------------------------------------------------------

@@ -194,10 +194,10 @@ const MORE = {
       grain += mix(9.0 * fold, 12.0 * sqrt(lobule), fat);`,
   fray: `
       float raw = 1.0 - vColor.a, fray = 0.0;
-      if (raw > 0.0) fray = noise3(ASKEW * vPlace * vec3(3.5, 3.5, 1.5));
+      if (raw > 0.0) fray = noise3(ASKEW * vPlace * vec3(6.0, 6.0, 2.0));
       diffuseColor.rgb *= mix(vec3(1.0), mix(vec3(0.86, 0.72, 0.62), vec3(1.04), smoothstep(0.25, 0.75, fray)), raw);
-      gloss -= 0.6 * raw;
-      grain += 1.1 * raw * fray;`,
+      gloss -= 0.9 * raw;
+      grain += 0.7 * raw * fray;`,
 };
 
 /** Steel; `inside` the joint it mirrors the lit tissue in front of it, and behind the eye nothing is lit. */

@@ -40,9 +40,12 @@ struct peer {
     struct control_peer handle;
     struct clock_offset clock;
     int pings;
-    int64_t pong_ns;  // the last Pong
-    int64_t warned_s; // that its certificate ends; 0: not yet
-    int64_t tick_ns;  // when the next tick is due, once agreed
+    int64_t ping_ns, pong_ns; // the last ones
+    int64_t asked_ns;         // the first Ping without a Pong; 0: there is none
+    int64_t asks_us_ns;       // the last Ping of the station
+    int64_t frame_ns;         // the last Frame that came here
+    int64_t warned_s;         // that its certificate ends; 0: not yet
+    int64_t tick_ns;          // when the next tick is due, once agreed
     int64_t slow_said_ns;
     struct bucket messages, asks;
     bool asks_late; // late_ask waits for its turn

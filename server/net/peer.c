@@ -8,9 +8,11 @@
 #define FAST_PINGS 10
 #define FAST_PING_NS (20 * NS_PER_MS)
 #define PING_NS NS_PER_S
+#define REST_PING_NS (4 * NS_PER_S)
 #define SILENCE_NS (5 * NS_PER_S)
+#define UNANSWERED_NS (SILENCE_NS - PING_NS / 2) // the look at it comes with a ping
 #define SILENCE_BESIDE_DATAGRAMS_NS (60 * NS_PER_S)
-#define DATAGRAMS_LIVE_NS (2 * NS_PER_S)
+#define RECENT_NS (2 * NS_PER_S)
 #define CLOSING_NS NS_PER_S
 #define DAY_S 86400
 #define ENROL_WAIT_NS (10 * NS_PER_S)
@@ -216,14 +218,17 @@ void peer_answered(struct peer *peer, const arthron_Control *answer) {
 
 static void send_ping(struct peer *peer) {
     arthron_Control message = {.which_message = arthron_Control_ping_tag};
-    message.message.ping.sent_ns = clock_now_ns();
+    message.message.ping.sent_ns = peer->ping_ns = clock_now_ns();
     control_send_from_here(peer, &message);
+    if (!peer->asked_ns)
+        peer->asked_ns = peer->ping_ns;
     peer->pings++;
 }
 
 static void handle_ping(struct peer *peer, const arthron_Ping *ping, int64_t received_ns) {
     arthron_Control answer = {.which_message = arthron_Control_pong_tag};
     answer.message.pong = (arthron_Pong){ping->sent_ns, received_ns, clock_now_ns()};
+    peer->asks_us_ns = received_ns;
     control_send_from_here(peer, &answer);
 }
 
@@ -234,6 +239,7 @@ static bool is_remote_time(int64_t time_ns) {
 static void handle_pong(struct peer *peer, const arthron_Pong *pong, int64_t received_ns) {
     int64_t offset_ns, uncertainty_ns;
     peer->pong_ns = received_ns;
+    peer->asked_ns = 0;
     if (pong->sent_ns < 0 || pong->sent_ns > received_ns || !is_remote_time(pong->received_ns) ||
         !is_remote_time(pong->answered_ns) ||
         !clock_offset_add(&peer->clock, pong->sent_ns, pong->received_ns, pong->answered_ns,
@@ -311,6 +317,7 @@ static void handle_message(struct peer *peer, const arthron_Control *message, in
         handle_pong(peer, &message->message.pong, now_ns);
         break;
     case arthron_Control_frame_tag:
+        peer->frame_ns = now_ns;
         handler->on_frame(handler->user, peer->handle, &message->message.frame, now_ns);
         break;
     case arthron_Control_udp_path_tag:
@@ -351,15 +358,35 @@ static void warn_of_certificate(struct peer *peer) {
                 peer->identity.name, (int)(left_s / DAY_S));
 }
 
+static bool is_recent(int64_t time_ns, int64_t now_ns) {
+    return now_ns - time_ns < RECENT_NS;
+}
+
+static bool has_datagrams(const struct peer *peer, int64_t now_ns) {
+    const struct control_handler *handler = &peer->control->handler;
+    return handler->datagram_ns &&
+           is_recent(handler->datagram_ns(handler->user, peer->handle), now_ns);
+}
+
+// The station's own pings tell that the connection lives, and its clock has no frame to place.
+static bool rests(const struct peer *peer, int64_t now_ns) {
+    return is_recent(peer->asks_us_ns, now_ns) && !is_recent(peer->frame_ns, now_ns) &&
+           !has_datagrams(peer, now_ns);
+}
+
+static bool is_ping_due(const struct peer *peer, int64_t now_ns) {
+    return peer->pings < FAST_PINGS || !rests(peer, now_ns) ||
+           now_ns - peer->ping_ns > REST_PING_NS - PING_NS / 2;
+}
+
 // While the station's frames come by datagram, its session lives without this connection for a
 // while.
 static bool is_silent(const struct peer *peer, int64_t now_ns) {
-    const struct control_handler *handler = &peer->control->handler;
-    if (now_ns - peer->pong_ns <= SILENCE_NS)
+    int64_t heard_ns = peer->pong_ns > peer->asks_us_ns ? peer->pong_ns : peer->asks_us_ns;
+    bool unanswered = peer->asked_ns && now_ns - peer->asked_ns > UNANSWERED_NS;
+    if (!unanswered && now_ns - heard_ns <= SILENCE_NS)
         return false;
-    bool beside = handler->datagram_ns &&
-                  now_ns - handler->datagram_ns(handler->user, peer->handle) < DATAGRAMS_LIVE_NS;
-    return !beside || now_ns - peer->pong_ns > SILENCE_BESIDE_DATAGRAMS_NS;
+    return !has_datagrams(peer, now_ns) || now_ns - peer->pong_ns > SILENCE_BESIDE_DATAGRAMS_NS;
 }
 
 bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
@@ -387,7 +414,8 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
     }
     pass_on_late_ask(peer, now_ns);
     warn_of_certificate(peer);
-    send_ping(peer);
+    if (is_ping_due(peer, now_ns))
+        send_ping(peer);
     *out_next_us = (peer->pings < FAST_PINGS ? FAST_PING_NS : PING_NS) / 1000;
     return true;
 }

@@ -26,6 +26,7 @@
 #define PATIENCE_NS (60 * NS_PER_S)
 #define PATIENCE_EACH_NS (NS_PER_S / 5) // of a station that joins
 #define LOOK_NS (10 * NS_PER_MS)
+#define TOGETHER 16 // stations that join
 
 static void path_in(const struct hall *hall, const char *name, char *out, size_t size) {
     snprintf(out, size, "%s/%s", hall->folder, name);
@@ -247,15 +248,30 @@ static bool has_session(struct link *link) {
     return status.state == arthron_SessionState_RUNNING;
 }
 
-static enum result wait_for_all(struct hall *hall, struct error *err) {
-    int64_t end_ns = clock_now_ns() + PATIENCE_NS + hall->station_count * PATIENCE_EACH_NS;
+static enum result wait_for_session(const struct hall *hall, int station, int64_t end_ns,
+                                    struct error *err) {
+    while (!has_session(hall->links[station])) {
+        if (clock_now_ns() > end_ns)
+            return fail(err, RESULT_CLOSED, "station %d gets no session", station);
+        pause_ns(LOOK_NS);
+    }
+    return RESULT_OK;
+}
+
+// Not all at once: their ends of the handshakes take the same processors as the server's.
+static enum result join_all(struct hall *hall, int64_t end_ns, struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; i < hall->station_count + TOGETHER && result == RESULT_OK; i++) {
+        if (i < hall->station_count)
+            result = join(hall, i, err);
+        if (result == RESULT_OK && i >= TOGETHER)
+            result = wait_for_session(hall, i - TOGETHER, end_ns, err);
+    }
+    return result;
+}
+
+static enum result wait_for_replies(struct hall *hall, int64_t end_ns, struct error *err) {
     hall->callers = alloc((size_t)hall->caller_count, sizeof *hall->callers);
-    for (int i = hall->caller_count; i < hall->station_count; i++)
-        while (!has_session(hall->links[i])) {
-            if (clock_now_ns() > end_ns)
-                return fail(err, RESULT_CLOSED, "station %d gets no session", i);
-            pause_ns(LOOK_NS);
-        }
     for (int i = 0; i < hall->caller_count; i++) {
         struct caller *caller = &hall->callers[i];
         while (!answers_by_datagram(hall->links[i], &caller->number))
@@ -270,12 +286,12 @@ static enum result wait_for_all(struct hall *hall, struct error *err) {
 }
 
 static enum result open_stations(struct hall *hall, struct error *err) {
-    enum result result = RESULT_OK;
     hall->links = alloc((size_t)hall->station_count, sizeof *hall->links);
-    result = enrol_all(hall, err);
-    for (int i = 0; i < hall->station_count && result == RESULT_OK; i++)
-        result = join(hall, i, err);
-    return result == RESULT_OK ? wait_for_all(hall, err) : result;
+    enum result result = enrol_all(hall, err);
+    int64_t end_ns = clock_now_ns() + PATIENCE_NS + hall->station_count * PATIENCE_EACH_NS;
+    if (result == RESULT_OK)
+        result = join_all(hall, end_ns, err);
+    return result == RESULT_OK ? wait_for_replies(hall, end_ns, err) : result;
 }
 
 enum result hall_start(const struct hall_setup *setup, struct hall *hall, struct error *err) {

@@ -45,3 +45,10 @@ enum adaptive_ramp settings_ramp(const struct session_settings *settings) {
     return settings->rules >= RULES_WITH_STRAIGHT_RAMP ? ADAPTIVE_RAMP_STRAIGHT
                                                        : ADAPTIVE_RAMP_CUBIC;
 }
+
+const char *settings_digits(const struct session_settings *settings) {
+    return settings->field.kind == FIELD_INTEGRAL && settings->rules < RULES_OTHER_ORDER
+               ? "since rules 10 the integral field adds up the same sums in another order, so its "
+                 "last digits are others"
+               : NULL;
+}

@@ -49,6 +49,7 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 #define RULES_STILL_TOLD 7
 #define RULES_HELD_FROM_FRAME 8
 #define RULES_BY_DERIVATIVE 9
+#define RULES_OTHER_ORDER 10
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST
@@ -67,6 +68,10 @@ struct session_settings {
 // The newest rules; the integral field with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s;
 // the usual instruments, all of them straight with a point every 7 mm of the 49 mm behind the tip.
 struct session_settings session_settings_default(void);
+
+// What steps of these settings are run by here although their rules were others: no more than last
+// digits. NULL: by all of their rules.
+const char *settings_digits(const struct session_settings *settings);
 
 // Of torn ligaments, by the rules.
 enum adaptive_ramp settings_ramp(const struct session_settings *settings);

@@ -50,10 +50,17 @@ static json_t *number_or_null(double value) {
     return isfinite(value) ? json_real(value) : json_null();
 }
 
+static bool differs_in_digits(const struct replay_report *r) {
+    return r->same_events && r->largest_mm <= REPLAY_TOLERANCE_MM &&
+           r->touches.largest_mm <= REPLAY_TOLERANCE_MM;
+}
+
 // Where the mathematics is another one the last bits may differ.
 static const char *reason(const struct replay_report *r) {
     if (!r->different && !r->touches.different)
         return "";
+    if (r->digits && differs_in_digits(r))
+        return r->digits;
     if (!r->same_build)
         return "another build recorded it";
     if (!r->same_libc)

@@ -148,6 +148,7 @@ enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
     out_report->same_events = true;
     compare_machines(header, out_report);
     out_report->rules = header->settings.rules;
+    out_report->digits = settings_digits(&header->settings);
     trace_reader_bind(reader, scene);
     struct replay replay = {.report = out_report, .span = span, .start_ns = header->start_ns};
     replay.rerun = rerun_create(scene, &header->settings);

@@ -33,6 +33,7 @@ struct replay_report {
     bool same_events; // states and events agree in every step
     bool same_build, same_libc, same_cpu;
     int rules;          // of the trace's steps; the replay uses the same
+    const char *digits; // what gives other last digits all the same (settings_digits); NULL: none
     int64_t session_ns; // between the first and the last step
     uint64_t left_out;  // steps after the first gap, whose state cannot be known
     enum result end;    // the last result of trace_read: RESULT_CLOSED for a whole file

@@ -111,6 +111,8 @@ class OldTraces(unittest.TestCase):
         self.assertLessEqual(found["touches"]["largest_mm"], 1e-6)
         self.assertEqual(found["verdict"], "equivalent")  # its field's sums have another order since rules 10
         self.assertLessEqual(found["largest_mm"], 1e-12)
+        self.assertEqual((found["first"]["step"], found["first"]["field"]), (77, "punch_gradient_xy"))
+        self.assertIn("since rules 10 the integral field adds up the same sums in another order", found["reason"])
         if found["same_libc"] and found["same_cpu"]:
             self.assertEqual(found["touches"]["different"], 0)
 

@@ -6,6 +6,7 @@ import re
 import resource
 import shutil
 import signal
+import struct
 import time
 import unittest
 
@@ -14,6 +15,8 @@ from bites import Bites
 
 STATE = ("mesh_number", "mesh_hash", "cuts", "removed_mm3", "pieces_mm3", "volume_mm3", "warped_mm3", "left_mm3",
          "distance_mm", "over_mm3", "under_mm3", "rim_mm", "removed_zone_mm3")
+
+PLACE_IN_STATE = 9 + 4 + 20 + 64 + 64  # behind magic, version, and who wrote it: its offset and its step
 
 
 class Resume(Bites):
@@ -141,6 +144,22 @@ class Resume(Bites):
         self.assert_metrics_are_those_of(session["trace"], metrics)
         self.assertEqual(self.verify(session["trace"])["signature"], "good")
         self.assertEqual(call_json("arthron-trace", "replay", session["trace"])["verdict"], "identical")
+
+    def test_a_state_of_the_last_record_is_gone_on_from(self):
+        session, state, _ = self.cut_until_its_state_is_kept()
+        self.kill()
+        with open(state, "rb") as f:
+            offset, step = struct.unpack_from("<QQ", f.read(), PLACE_IN_STATE)
+        os.truncate(session["trace"], offset)
+        self.restart()
+        self.assertEqual(self.run_again(), (step + 1, step))
+        self.assertEqual(self.session()["id"], session["id"])
+        wait_until("more steps", lambda: self.session()["steps"] > step, 30)
+        self.session_command("stop", "room-1")
+        self.server.end()
+        self.assertGreater(os.path.getsize(session["trace"]), offset)
+        self.assertEqual(call_json("arthron-trace", "replay", session["trace"])["verdict"], "identical")
+        self.assertEqual(self.verify(session["trace"])["signature"], "good")
 
     def test_a_state_that_is_damaged_is_not_used(self):
         session, state, before = self.cut_until_its_state_is_kept()

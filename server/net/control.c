@@ -109,10 +109,35 @@ bool control_send(struct control *control, struct control_peer handle,
     return put == OUTBOX_QUEUED;
 }
 
+// Each ask whether it is writable takes a turn of the thread.
+static bool has_more(struct peer *peer) {
+    if (peer->urgent.size || peer->closing || !peer->agreed)
+        return true;
+    pthread_mutex_lock(&peer->control->lock);
+    const struct peer_slot *slot = &peer->control->slots[peer->handle.index];
+    bool more = outbox_waits(slot->outbox);
+    for (int i = 0; i < WIRE_MESH_GROUPS_MAX; i++)
+        more |= slot->deliveries[i].payload != NULL;
+    pthread_mutex_unlock(&peer->control->lock);
+    return more;
+}
+
+// It takes nothing.
+static void end_soon(struct peer *peer) {
+    peer->closing = true;
+    lws_set_timer_usecs(peer->wsi, 1);
+}
+
+// At once where nothing waits before it and the connection takes it: no turn of the thread then.
 void control_send_from_here(struct peer *peer, const arthron_Control *message) {
     struct control *control = peer->control;
     struct outgoing out;
     outgoing_encode(message, &out);
+    if (!has_more(peer) && !lws_send_pipe_choked(peer->wsi)) {
+        if (lws_write(peer->wsi, out.bytes, out.size, LWS_WRITE_BINARY) < (int)out.size)
+            end_soon(peer);
+        return;
+    }
     pthread_mutex_lock(&control->lock);
     outbox_put(control->slots[peer->handle.index].outbox, message, &out);
     pthread_mutex_unlock(&control->lock);
@@ -120,12 +145,6 @@ void control_send_from_here(struct peer *peer, const arthron_Control *message) {
 }
 
 // ---- the control thread -------------------------------------------------------------------------
-
-// It takes nothing.
-static void end_soon(struct peer *peer) {
-    peer->closing = true;
-    lws_set_timer_usecs(peer->wsi, 1);
-}
 
 static void serve(struct control *control, const struct peer_slot *slot) {
     struct peer *peer = slot->peer;
@@ -309,19 +328,6 @@ static bool next_message(struct peer *peer, struct outgoing *out) {
     bool any = outbox_take(peer->control->slots[peer->handle.index].outbox, out);
     pthread_mutex_unlock(&peer->control->lock);
     return any;
-}
-
-// Each ask whether it is writable takes a turn of the thread.
-static bool has_more(struct peer *peer) {
-    if (peer->urgent.size || peer->closing || !peer->agreed)
-        return true;
-    pthread_mutex_lock(&peer->control->lock);
-    const struct peer_slot *slot = &peer->control->slots[peer->handle.index];
-    bool more = outbox_waits(slot->outbox);
-    for (int i = 0; i < WIRE_MESH_GROUPS_MAX; i++)
-        more |= slot->deliveries[i].payload != NULL;
-    pthread_mutex_unlock(&peer->control->lock);
-    return more;
 }
 
 static int write_message(struct peer *peer, uint8_t *bytes, size_t size) {

@@ -1,5 +1,6 @@
-// The members of struct control, for control.c (threads, sockets, queues), control_mesh.c (meshes)
-// and peer.c (the protocol). They belong to the control thread unless a comment says otherwise.
+// The members of struct control, for control.c (threads, sockets), control_queue.c (slots, queues),
+// control_mesh.c (meshes) and peer.c (the protocol). They belong to the control thread unless a
+// comment says otherwise.
 #pragma once
 
 #include "base/bucket.h"
@@ -100,7 +101,7 @@ struct control {
 
 void control_tell_slowed(struct peer *peer, bool asks);
 
-// ---- control.c: queues --------------------------------------------------------------------------
+// ---- control_queue.c ----------------------------------------------------------------------------
 
 // Gives the peer a slot, a handle and an outbox. False: all are taken.
 bool control_take_slot(struct peer *peer);
@@ -117,6 +118,16 @@ bool control_wake_slot(struct control *control, struct peer_slot *slot);
 
 // The slot of a handle; NULL: the peer is gone. Under the lock.
 struct peer_slot *control_find_slot(struct control *control, struct control_peer handle);
+
+// Whether more is to be written. Each ask whether a connection is writable takes a turn of the
+// thread.
+bool control_has_more(struct peer *peer);
+
+// What is written next, but for meshes. False: there is nothing.
+bool control_next_message(struct peer *peer, struct outgoing *out);
+
+// Ends the connection of a peer that takes nothing.
+void control_end_soon(struct peer *peer);
 
 // ---- control_mesh.c: meshes ---------------------------------------------------------------------
 

@@ -135,7 +135,8 @@ static double bend_mm(const struct waiting_move *a, const struct waiting_move *b
     return vec3_distance(middle, vec3_scale(share, way));
 }
 
-static void remove_waiting(struct waiting_moves *w, int first, int count) {
+static void remove_waiting(struct cutting *cutting, struct waiting_moves *w, int first, int count) {
+    cutting->waiting_count -= count;
     w->count -= count;
     memmove(w->moves + first, w->moves + first + count,
             (size_t)(w->count - first) * sizeof *w->moves);
@@ -143,7 +144,7 @@ static void remove_waiting(struct waiting_moves *w, int first, int count) {
 
 // Two neighbours whose way bends the least become one. False where there are none. A bite is of one
 // place: not for a jaw.
-static bool make_room(struct waiting_moves *w) {
+static bool make_room(struct cutting *cutting, struct waiting_moves *w) {
     int best = -1;
     for (int i = 0; i + 1 < w->count; i++)
         if (can_be_one(&w->moves[i], &w->moves[i + 1]) &&
@@ -154,7 +155,7 @@ static bool make_room(struct waiting_moves *w) {
         return false;
     w->moves[best].move.T_mesh_tip[1] = w->moves[best + 1].move.T_mesh_tip[1];
     w->moves[best].move.opening[1] = w->moves[best + 1].move.opening[1];
-    remove_waiting(w, best + 1, 1);
+    remove_waiting(cutting, w, best + 1, 1);
     return true;
 }
 
@@ -170,25 +171,25 @@ static int let_wait(struct cutting *cutting, int instrument, int tissue, const s
     struct waiting_moves *w = &cutting->waiting[instrument][tissue];
     uint32_t stroke = stroke_of(cutting, instrument, to);
     bool jaw = cutting->instruments->of[instrument].kind == INSTRUMENT_JAW;
-    if (w->count == CUTTING_WAITING_MAX && (jaw || !make_room(w)))
+    if (w->count == CUTTING_WAITING_MAX && (jaw || !make_room(cutting, w)))
         return 1;
+    cutting->waiting_count++;
     w->moves[w->count++] =
         (struct waiting_move){stroke, from->time_ns, move_of(instrument, from, to)};
     return 0;
 }
 
 int cutting_drop_waiting(struct cutting *cutting) {
-    int count = 0;
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        for (int t = 0; t < TISSUES_MAX; t++) {
-            count += cutting->waiting[i][t].count;
+    int count = cutting->waiting_count;
+    for (int i = 0; count && i < INSTRUMENT_COUNT; i++)
+        for (int t = 0; t < TISSUES_MAX; t++)
             cutting->waiting[i][t].count = 0;
-        }
+    cutting->waiting_count = 0;
     return count;
 }
 
 bool cutting_waits(const struct cutting *cutting, uint32_t stroke) {
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    for (int i = 0; cutting->waiting_count && i < INSTRUMENT_COUNT; i++)
         for (int t = 0; t < TISSUES_MAX; t++) {
             const struct waiting_moves *w = &cutting->waiting[i][t]; // the oldest stroke first
             if (w->count && w->moves[0].stroke <= stroke)
@@ -259,7 +260,7 @@ static bool take_due(struct cutting *cutting, struct job *out_job) {
 
 static struct waiting_moves *waited_longest(struct cutting *cutting, int *out_tissue) {
     struct waiting_moves *longest = NULL;
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+    for (int i = 0; cutting->waiting_count && i < INSTRUMENT_COUNT; i++)
         for (int t = 0; t < TISSUES_MAX; t++) {
             struct waiting_moves *w = &cutting->waiting[i][t];
             if (!w->count || (longest && w->moves[0].begin_ns >= longest->moves[0].begin_ns))
@@ -285,6 +286,6 @@ bool cutting_take(struct cutting *cutting, struct job *out_job) {
     out_job->kind = JOB_CUT;
     out_job->stroke = w->moves[0].stroke;
     out_job->move_count = count;
-    remove_waiting(w, 0, count);
+    remove_waiting(cutting, w, 0, count);
     return true;
 }

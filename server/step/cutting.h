@@ -49,7 +49,8 @@ struct due_move {
 struct cutting {
     struct sweep sweeps[INSTRUMENT_COUNT][TISSUES_MAX];
     struct stroke strokes[INSTRUMENT_COUNT];
-    struct waiting_moves waiting[INSTRUMENT_COUNT][TISSUES_MAX];
+    struct waiting_moves waiting[INSTRUMENT_COUNT][TISSUES_MAX]; // large: walked where some wait
+    int waiting_count;                                           // moves in all of them
     uint32_t stroke_count;                 // ever begun, so that no two have one number
     int rules;                             // as in session_settings
     const struct instruments *instruments; // of the session

@@ -70,11 +70,13 @@ static void keep_waiting(struct waiting_moves *waiting, const struct instruments
 // The move that is due is of rules before those that are kept.
 static void keep_cutting(struct cutting *cutting, int tissues, struct kept *k) {
     kept_bytes(k, &cutting->stroke_count, sizeof cutting->stroke_count);
+    cutting->waiting_count = 0;
     for (int i = 0; i < INSTRUMENT_COUNT; i++) {
         keep_stroke(&cutting->strokes[i], k);
         for (int t = 0; t < tissues; t++) {
             keep_sweep(&cutting->sweeps[i][t], k);
             keep_waiting(&cutting->waiting[i][t], cutting->instruments, k);
+            cutting->waiting_count += cutting->waiting[i][t].count;
         }
     }
 }

@@ -31,19 +31,24 @@ static bool may_be_film(const struct conform *c, const vec3 p[3], vec3 normal) {
     return soup_may_face(&c->whole_target, box, vec3_scale(-1, normal), AGAINST);
 }
 
-static int film_points(struct conform *c, const vec3 corners[3], vec3 normal) {
+// Of four points those that are film. Counting ends where it is known to be 2 or more or not, or,
+// of a triangle that may be split, where some are film and some are not.
+static int film_points(struct conform *c, const vec3 corners[3], vec3 normal, int splits) {
     int count = 0;
     if (!may_be_film(c, corners, normal))
         return 0;
-    for (int i = 0; i < 4; i++)
+    bool known = false;
+    for (int i = 0; i < 4 && !known; i++) {
         count += is_film_at(c, point_in(corners, i), normal);
+        known = splits ? count > 0 && count <= i : count == 2 || count + 3 - i < 2;
+    }
     return count;
 }
 
 // A triangle that is film in part is split in four, twice; then the majority counts.
 static void add_without_films(struct conform *c, const vec3 corners[3],
                               const struct soup_triangle *of, int splits) {
-    int films = film_points(c, corners, of->normal);
+    int films = film_points(c, corners, of->normal, splits);
     if (films == 4 || (films >= 2 && !splits))
         return;
     if (films == 0 || !splits) {

@@ -112,18 +112,6 @@ static enum result record(const struct task_file *file, const struct rehearsal *
     return result;
 }
 
-static enum result load_twice(const char *dir, struct knee_case **out_knee,
-                              struct scene **out_scene, struct error *err) {
-    struct knee_case *second = NULL;
-    enum result result = case_load(dir, NULL, out_knee, err);
-    if (result == RESULT_OK)
-        result = case_load(dir, NULL, &second, err);
-    if (result == RESULT_OK)
-        result = scene_create(&second, out_scene, err);
-    case_destroy(&second);
-    return result;
-}
-
 static enum result compute(char **argv, struct recording *out, struct error *err) {
     struct task_file *file = alloc(1, sizeof *file);
     struct knee_case *knee = NULL;
@@ -131,7 +119,7 @@ static enum result compute(char **argv, struct recording *out, struct error *err
     struct rehearsal rehearsal = {.goal = -1};
     enum result result = task_read(argv[1], file, err);
     if (result == RESULT_OK)
-        result = load_twice(argv[2], &knee, &scene, err);
+        result = rehearsal_load(argv[2], &knee, &scene, err);
     if (result == RESULT_OK)
         result = rehearse(&file->task, knee, scene, HANDS_EXPERT, 0, NULL, &rehearsal, err);
     if (result == RESULT_OK && rehearsal.goal >= 0)

@@ -3,7 +3,6 @@
 
 #include "motion/move.h"
 #include "rehearsal/play.h"
-#include "rehearsal/rehearsal.h"
 
 // How the joint is held where a goal does not say it, and from where the scope looks, mm (0: as it
 // comes).
@@ -20,7 +19,6 @@ struct planner {
     struct motion_script *script; // what the hands have done so far
     struct plan plan;
     struct play *play; // of the script's motion
-    struct rehearsal *out;
     struct error *err;
 };
 
@@ -41,10 +39,8 @@ void hold_joint(struct planner *p, const struct goal *goal, const struct stance 
 // elsewhere works unseen.
 void take_out_tools(struct planner *p);
 
-// ---- trying (rehearsal.c) ----
-
-// The script's steps from this one on, and nothing if one of them is refused: then the script is as
-// long as it was before them.
+// Plans the script's steps from this one on, and nothing if one of them is refused: then the script
+// is as long as it was before them.
 bool plan_from(struct planner *p, int step);
 
 // ---- resections (resect.c) ----

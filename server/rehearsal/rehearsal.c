@@ -1,3 +1,5 @@
+#include "rehearsal/rehearsal.h"
+
 #include "base/check.h"
 #include "rehearsal/planner.h"
 #include "rehearsal/take.h"
@@ -100,25 +102,10 @@ static void bring_in(struct planner *p, enum channel tool) {
 
 // ---- trying -------------------------------------------------------------------------------------
 
-bool plan_from(struct planner *p, int first) {
-    struct plan_mark before = plan_mark(&p->plan);
-    for (int i = first; i < p->script->step_count; i++) {
-        const struct motion_step *step = &p->script->steps[i];
-        enum result result = plan_step(&p->plan, step);
-        if (result == RESULT_OK)
-            continue;
-        fail_in(p->err, result, "step %d (%s): ", i + 1, motion_verb_name(step->verb));
-        plan_back(&p->plan, &before);
-        p->script->step_count = first;
-        return false;
-    }
-    return true;
-}
-
 static void play_anew(struct planner *p) {
     play_destroy(&p->play);
     p->play = play_create(p->script->rate_hz, p->scene, p->site, NULL);
-    play_on(p->play, &p->out->motion);
+    play_on(p->play, p->plan.motion);
 }
 
 // Goals that are pursued together: those whose scope stays.
@@ -165,12 +152,12 @@ static bool try_stance(struct planner *p, int goal, const struct stance *stance)
     for (int i = goal; i <= last && is_planned; i++)
         is_planned = pursue(p, i, stance);
     if (is_planned)
-        play_on(p->play, &p->out->motion);
+        play_on(p->play, p->plan.motion);
     if (is_planned && play_attempt(p->play)->goals[last].met)
         return true;
     p->script->step_count = first_step;
     plan_back(&p->plan, &before);
-    if (play_rows(p->play) > p->out->motion.row_count)
+    if (play_rows(p->play) > p->plan.motion->row_count)
         play_anew(p);
     if (!is_planned)
         return false;
@@ -226,15 +213,14 @@ static bool enter(struct planner *p) {
     return plan_from(p, 0);
 }
 
-static bool begin(struct planner *p) {
+static bool begin(struct planner *p, struct motion *motion) {
     *p->script = (struct motion_script){.rate_hz = 100,
                                         .speed_mm_s = 40,
                                         .joint_speed_deg_s = 30,
                                         .tremor_mm = 0.05,
                                         .seed = 1,
                                         .optic_deg = site_optic(p->site)->tilt_deg};
-    p->plan = (struct plan){
-        .knee = p->knee, .script = p->script, .motion = &p->out->motion, .err = p->err};
+    p->plan = (struct plan){.knee = p->knee, .script = p->script, .motion = motion, .err = p->err};
     if (!take_up(p) || !enter(p))
         return false;
     play_anew(p);
@@ -254,35 +240,35 @@ static int meet_all(struct planner *p, void (*progress)(int, int)) {
 
 // How many goals were met.
 static int pursue_all(struct planner *p, const char *scope, const char *other,
-                      void (*progress)(int, int)) {
-    *p->out = (struct rehearsal){.script = alloc(1, sizeof *p->script)};
-    p->script = p->out->script;
+                      void (*progress)(int, int), struct rehearsal *out) {
+    *out = (struct rehearsal){.script = alloc(1, sizeof *p->script)};
+    p->script = out->script;
     p->portals[0] = scope;
     p->portals[1] = other;
-    int met = begin(p) ? meet_all(p, progress) : 0;
-    p->out->goal = met == p->task->goal_count ? -1 : met;
+    int met = begin(p, &out->motion) ? meet_all(p, progress) : 0;
+    out->goal = met == p->task->goal_count ? -1 : met;
     if (p->play)
-        p->out->attempt = *play_attempt(p->play);
-    attempt_leave(&p->out->attempt, true);
+        out->attempt = *play_attempt(p->play);
+    attempt_leave(&out->attempt, true);
     play_destroy(&p->play);
     plan_end(&p->plan);
     return met;
 }
 
 // Either hand on the scope: the one that gets farther.
-static void try_both_hands(struct planner *p, void (*progress)(int, int)) {
+static void try_both_hands(struct planner *p, void (*progress)(int, int), struct rehearsal *out) {
     const struct case_portal *portals = p->knee->portals;
-    int met = pursue_all(p, portals[0].name, portals[1].name, progress);
+    int met = pursue_all(p, portals[0].name, portals[1].name, progress, out);
     if (met == p->task->goal_count)
         return;
     struct error why = *p->err;
-    struct rehearsal first = *p->out;
-    if (pursue_all(p, portals[1].name, portals[0].name, progress) > met) {
+    struct rehearsal first = *out;
+    if (pursue_all(p, portals[1].name, portals[0].name, progress, out) > met) {
         rehearsal_fini(&first);
         return;
     }
-    rehearsal_fini(p->out);
-    *p->out = first;
+    rehearsal_fini(out);
+    *out = first;
     *p->err = why;
 }
 
@@ -302,11 +288,11 @@ static enum result make_site(const struct task *task, const struct scene *scene,
 static enum result perform(const struct task *task, struct knee_case *knee,
                            const struct scene *scene, void (*progress)(int done, int all),
                            struct rehearsal *out, struct error *err) {
-    struct planner p = {.task = task, .knee = knee, .scene = scene, .out = out, .err = err};
+    struct planner p = {.task = task, .knee = knee, .scene = scene, .err = err};
     *out = (struct rehearsal){.goal = -1};
     enum result result = make_site(task, scene, &p.site, err);
     if (result == RESULT_OK)
-        try_both_hands(&p, progress);
+        try_both_hands(&p, progress, out);
     site_destroy(&p.site);
     return result;
 }
@@ -383,6 +369,19 @@ enum result rehearse(const struct task *task, struct knee_case *knee, const stru
     struct rehearsal expert = *out;
     result = rehearse_novice(task, knee, scene, &expert, seed, out, err);
     rehearsal_fini(&expert);
+    return result;
+}
+
+enum result rehearsal_load(const char *dir, struct knee_case **out_knee, struct scene **out_scene,
+                           struct error *err) {
+    struct knee_case *second = NULL;
+    *out_scene = NULL;
+    enum result result = case_load(dir, NULL, out_knee, err);
+    if (result == RESULT_OK)
+        result = case_load(dir, NULL, &second, err);
+    if (result == RESULT_OK)
+        result = scene_create(&second, out_scene, err);
+    case_destroy(&second);
     return result;
 }
 

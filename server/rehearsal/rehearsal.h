@@ -18,6 +18,11 @@ struct rehearsal {
     struct motion_script *script; // of the motion
 };
 
+// The case for hands, and a scene of it: a scene takes a case for its own. The caller destroys both
+// even after an error. Errors are those of case_load and scene_create.
+enum result rehearsal_load(const char *dir, struct knee_case **out_knee, struct scene **out_scene,
+                           struct error *err);
+
 // `knee` is the case of the scene, loaded again; it gets landmarks and portals where it has none.
 // `progress`: after each goal, how many are done; NULL is fine.
 // RESULT_OK: the hands went as far as rehearsal->goal tells; where they did not meet it, *err says

@@ -137,7 +137,7 @@ static bool attempt_has_cut(const struct surgeon *s) {
 static bool go_on(struct surgeon *s, int step) {
     if (!plan_from(s->p, step))
         return false;
-    play_on(s->p->play, &s->p->out->motion);
+    play_on(s->p->play, s->p->plan.motion);
     return true;
 }
 
@@ -210,7 +210,7 @@ static bool stand(struct surgeon *s, const struct stance *stance) {
         return false;
     s->care = &cares[CARE_COUNT - 1];
     if (find_bite(s, &bite)) {
-        play_on(p->play, &p->out->motion);
+        play_on(p->play, p->plan.motion);
         return true;
     }
     plan_back(&p->plan, &before);

@@ -77,3 +77,18 @@ void hold_joint(struct planner *p, const struct goal *goal, const struct stance 
     if (hold.drawer_mm != now.drawer_mm)
         add_amount(p->script, MOTION_DRAWER, hold.drawer_mm);
 }
+
+bool plan_from(struct planner *p, int first) {
+    struct plan_mark before = plan_mark(&p->plan);
+    for (int i = first; i < p->script->step_count; i++) {
+        const struct motion_step *step = &p->script->steps[i];
+        enum result result = plan_step(&p->plan, step);
+        if (result == RESULT_OK)
+            continue;
+        fail_in(p->err, result, "step %d (%s): ", i + 1, motion_verb_name(step->verb));
+        plan_back(&p->plan, &before);
+        p->script->step_count = first;
+        return false;
+    }
+    return true;
+}

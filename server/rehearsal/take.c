@@ -35,7 +35,7 @@ static bool take_one(struct planner *p, int index, double distance) {
     add_named(p->script, MOTION_APPROACH, CHANNEL_FIRST_DESCRIBED, p->portals[1]);
     if (!plan_from(p, first))
         return false;
-    play_on(p->play, &p->out->motion);
+    play_on(p->play, p->plan.motion);
     first = p->script->step_count;
     struct motion_step *step =
         add_named(p->script, MOTION_TAKE, CHANNEL_FIRST_DESCRIBED, loose->name);

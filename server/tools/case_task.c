@@ -35,19 +35,6 @@ static void progress(int done, int all) {
 
 // ---- the command --------------------------------------------------------------------------------
 
-static enum result load_twice(const char *dir, struct knee_case **out_knee,
-                              struct scene **out_scene, struct error *err) {
-    struct knee_case *second = NULL;
-    *out_scene = NULL;
-    enum result result = case_load(dir, NULL, out_knee, err);
-    if (result == RESULT_OK)
-        result = case_load(dir, NULL, &second, err);
-    if (result == RESULT_OK)
-        result = scene_create(&second, out_scene, err);
-    case_destroy(&second);
-    return result;
-}
-
 static int check(const struct task_request *request) {
     struct task task;
     struct knee_case *knee = NULL;
@@ -56,7 +43,7 @@ static int check(const struct task_request *request) {
     struct error err = {""};
     enum result result = task_load(request->file, &task, &err);
     if (result == RESULT_OK)
-        result = load_twice(request->dir, &knee, &scene, &err);
+        result = rehearsal_load(request->dir, &knee, &scene, &err);
     if (result == RESULT_OK)
         result =
             rehearse(&task, knee, scene, request->hands, request->seed, progress, &rehearsal, &err);

@@ -19,8 +19,9 @@ struct confine_limits {
 
 // From here on this process gets no more memory and processor time than this. It opens files only
 // to read them, and no sockets. It starts no program and no process. Only the standard streams stay
-// open. It ends with the process that started it. Ends the process if it cannot be confined; if the
-// kernel has no seccomp, it says so and goes on without that part. Under a sanitizer, which needs
+// open. It ends with the process that started it. Ends the process if it cannot be confined, or if
+// its standard output is a file, where no answer can go; if the kernel has no seccomp, it says so
+// and goes on without that part. Under a sanitizer, which needs
 // more of both, only the processor time is limited.
 void confine_self(const struct confine_limits *limits);
 

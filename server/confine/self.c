@@ -13,12 +13,22 @@
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define EXIT_NOT_CONFINED 3
 
 static _Noreturn void give_up(const char *what) {
     fprintf(stderr, "arthron: a reader cannot be confined: %s: %s\n", what, strerror(errno));
+    _exit(EXIT_NOT_CONFINED);
+}
+
+// It may write no file, and the kernel would end it at its first byte.
+static void need_reader_of_answer(void) {
+    struct stat status;
+    if (fstat(STDOUT_FILENO, &status) || !S_ISREG(status.st_mode))
+        return;
+    fputs("arthron: the answer of this command goes to a pipe, not to a file\n", stderr);
     _exit(EXIT_NOT_CONFINED);
 }
 
@@ -127,6 +137,8 @@ void confine_self(const struct confine_limits *limits) {
         give_up("prctl");
     if (getppid() != parent)
         _exit(EXIT_NOT_CONFINED);
+    need_reader_of_answer();
+    signal(SIGXFSZ, SIG_IGN); // of what goes to stderr, where that is a file
     close_range(STDERR_FILENO + 1, UINT_MAX, 0);
     set_limit(RLIMIT_CPU, (rlim_t)limits->cpu_s, "processor time");
     set_limit(RLIMIT_CORE, 0, "core files");

@@ -282,6 +282,29 @@ static void it_ends_with_the_process_that_started_it(void **state) {
     close(ends[0]);
 }
 
+// The one who starts it by hand and looks into a file.
+static void an_answer_into_a_file_is_refused_in_words(void **state) {
+    (void)state;
+    char said[200] = "";
+    int ends[2], status;
+    FILE *file = tmpfile();
+    assert_int_equal(pipe2(ends, O_CLOEXEC), 0);
+    pid_t child = fork();
+    if (child == 0) {
+        dup2(fileno(file), STDOUT_FILENO);
+        dup2(ends[1], STDERR_FILENO);
+        execl("/proc/self/exe", "test-confine", "much", NULL);
+        _exit(99);
+    }
+    close(ends[1]);
+    assert_true(read(ends[0], said, sizeof said - 1) > 0);
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 3);
+    assert_non_null(strstr(said, "to a pipe, not to a file"));
+    close(ends[0]);
+    fclose(file);
+}
+
 int main(int argc, char **argv) {
     if (argc > 1)
         return be_confined(argv[1]);
@@ -294,6 +317,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(one_that_is_cancelled_is_ended),
         cmocka_unit_test(it_ends_with_the_process_that_started_it),
         cmocka_unit_test(an_ignored_signal_of_children_changes_nothing),
+        cmocka_unit_test(an_answer_into_a_file_is_refused_in_words),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

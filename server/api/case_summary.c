@@ -138,15 +138,22 @@ static void add_grade(const struct api_case *about, const struct summary *summar
         set_grade(row, grade_name(grade.grade), grade.reason);
 }
 
-// The row without its grade, of files with these stamps; `out` says what its grade depends on.
-static json_t *copy_known(struct case_summaries *all, int index,
-                          const struct file_stamp stamps[FILES], struct summary *out) {
+// With the lock: the entry of files with these stamps.
+static const struct summary *look_up(struct case_summaries *all, int index,
+                                     const struct file_stamp stamps[FILES]) {
     struct summary *summary = &all->entries[index];
-    pthread_mutex_lock(&all->lock);
     if (summary->is_known && memcmp(stamps, summary->stamps, sizeof summary->stamps) != 0)
         summary->is_known = false;
     if (!summary->is_known)
         call_reader(summary);
+    return summary;
+}
+
+// The row without its grade, of files with these stamps; `out` says what its grade depends on.
+static json_t *copy_known(struct case_summaries *all, int index,
+                          const struct file_stamp stamps[FILES], struct summary *out) {
+    pthread_mutex_lock(&all->lock);
+    const struct summary *summary = look_up(all, index, stamps);
     *out = *summary;
     json_t *row = summary->row ? json_deep_copy(summary->row)
                                : json_pack("{s:o}", "name", call_string(all->cases[index].name));
@@ -167,6 +174,18 @@ json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[
     json_object_set_new(row, "hash", out_hash[0] ? json_string(out_hash) : json_null());
     add_grade(about, &known, row);
     return row;
+}
+
+enum result case_summary_hash(struct case_summaries *summaries, int index, uint64_t *out_hash) {
+    CHECK(index >= 0 && index < summaries->count);
+    struct file_stamp stamps[FILES];
+    take_stamps(summaries->cases[index].dir, stamps);
+    pthread_mutex_lock(&summaries->lock);
+    const struct summary *summary = look_up(summaries, index, stamps);
+    bool is_known = summary->is_known;
+    *out_hash = summary->hash;
+    pthread_mutex_unlock(&summaries->lock);
+    return !is_known ? RESULT_TIMEOUT : *out_hash ? RESULT_OK : RESULT_MISSING;
 }
 
 // ---- begin and end ------------------------------------------------------------------------------

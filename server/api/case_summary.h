@@ -16,3 +16,6 @@ void case_summaries_destroy(struct case_summaries **summaries); // NULL inside i
 
 // A new object, as CASE in docs/API.md. out_hash: empty if the case cannot be read.
 json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[17]);
+
+// The case's hash. RESULT_TIMEOUT: it is being read. RESULT_MISSING: it cannot be read.
+enum result case_summary_hash(struct case_summaries *summaries, int index, uint64_t *out_hash);

@@ -39,7 +39,7 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
     api->config = *config;
     api->started_ns = clock_now_ns();
     api->summaries = case_summaries_create(config->cases, config->case_count, config->check_case);
-    api->rehearsals = rehearsals_create(&api->config);
+    api->rehearsals = rehearsals_create(&api->config, &api->throttle);
     pthread_mutex_init(&api->reports_lock, NULL);
     pthread_mutex_init(&api->throttle.lock, NULL);
     pthread_mutex_init(&api->tally.lock, NULL);

@@ -1,3 +1,4 @@
+#include "api/case_summary.h"
 #include "api/rehearsals.h"
 #include "api/routes.h"
 #include "api/tasks.h"
@@ -41,6 +42,38 @@ static int case_of(struct api_call *call) {
     return -1;
 }
 
+// Whether there are hands in the response's body; else the request is refused.
+static bool take_hands(struct api_call *call, const struct rehearsal_wish *wish) {
+    struct web_response *r = call->response;
+    uint8_t *batch = NULL;
+    int wait_s = 2;
+    enum result result = rehearsals_take(call->api->rehearsals, wish, call->principal.actor, &batch,
+                                         &r->size, &wait_s);
+    r->body = (char *)batch;
+    if (result == RESULT_TIMEOUT)
+        call_refuse(call, 503, "busy", NULL, "The server is computing other hands.");
+    else if (result == RESULT_LIMIT)
+        call_refuse(call, 429, "too_many", NULL, "Too many hands for one person; wait %d s.",
+                    wait_s);
+    else if (result != RESULT_OK)
+        call_refuse(call, 404, "not_found", NULL, "There are no hands of an expert at it.");
+    if (result == RESULT_TIMEOUT || result == RESULT_LIMIT)
+        r->retry_after_s = wait_s;
+    return result == RESULT_OK;
+}
+
+// Whether the case can be read; else the request is refused.
+static bool take_hash(struct api_call *call, int knee_case, uint64_t *out_hash) {
+    enum result result = case_summary_hash(call->api->summaries, knee_case, out_hash);
+    if (result == RESULT_TIMEOUT) {
+        call_refuse(call, 503, "busy", NULL, "The server is reading the case.");
+        call->response->retry_after_s = 2;
+    } else if (result != RESULT_OK) {
+        call_refuse(call, 404, "not_found", NULL, "There are no hands of an expert at it.");
+    }
+    return result == RESULT_OK;
+}
+
 void get_expert(struct api_call *call) {
     struct web_response *r = call->response;
     const struct task *task = task_need(call, call->args[0]);
@@ -48,18 +81,10 @@ void get_expert(struct api_call *call) {
     if (knee_case < 0 || !is_in_no_exam(call))
         return;
     call_close_store(call);
-    uint8_t *batch = NULL;
-    enum result result = rehearsals_take(
-        call->api->rehearsals, (int)(task - call->api->config.tasks), knee_case, &batch, &r->size);
-    r->body = (char *)batch;
-    if (result == RESULT_TIMEOUT) {
-        call_refuse(call, 503, "busy", NULL, "The server is computing other hands.");
-        r->retry_after_s = 2;
-    } else if (result != RESULT_OK) {
-        call_refuse(call, 404, "not_found", NULL, "There are no hands of an expert at it.");
-    } else {
-        r->status = 200;
-        r->compress = true;
-        snprintf(r->type, sizeof r->type, "application/x-protobuf");
-    }
+    struct rehearsal_wish wish = {(int)(task - call->api->config.tasks), knee_case, 0};
+    if (!take_hash(call, knee_case, &wish.case_hash) || !take_hands(call, &wish))
+        return;
+    r->status = 200;
+    r->compress = true;
+    snprintf(r->type, sizeof r->type, "application/x-protobuf");
 }

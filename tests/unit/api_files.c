@@ -156,6 +156,7 @@ static void take_released(void *user, struct store *store, const char *session, 
 }
 
 int api_rehearsed;
+bool api_rehearse_fails;
 void (*api_on_rehearse)(void);
 
 static enum result compute_hands(void *user, int task, int knee_case, uint8_t **out_batch,
@@ -164,6 +165,8 @@ static enum result compute_hands(void *user, int task, int knee_case, uint8_t **
     api_rehearsed++;
     if (api_on_rehearse)
         api_on_rehearse();
+    if (api_rehearse_fails)
+        return (fail)(why, RESULT_LIMIT, "it took too long");
     if (task || knee_case)
         return (fail)(why, RESULT_MISSING, "the hands cannot do it");
     *out_batch = alloc(5, 1);

@@ -40,6 +40,7 @@ extern void (*api_on_report)(void);
 // An expert's hands are computed for steady on healthy alone, the bytes "hands": how often that
 // was tried; what happens meanwhile, or NULL.
 extern int api_rehearsed;
+extern bool api_rehearse_fails; // in a way that may pass
 extern void (*api_on_rehearse)(void);
 
 // The attempts of exams that were released.

@@ -2,6 +2,7 @@
 // them, an exam that is withheld, rated blindly, released and signed, and what erasing takes away.
 #include "api/call.h"
 #include "base/check.h"
+#include "case/case.h"
 #include "net/authority.h"
 #include "records/audit_seal.h"
 #include "store/courses.h"
@@ -630,14 +631,17 @@ static void an_experts_hands_are_computed_once_and_never_during_an_exam(void **s
     (void)state;
     const char *ada = token_of("ada.l"), *grace = token_of("grace");
     api_rehearsed = 0;
+    api_wait_for_cases(ada);
     for (int i = 0; i < 2; i++) {
         must(200, "GET", "/tasks/steady/expert?case=healthy", ada, NULL);
         assert_int_equal(answer.size, 5);
         assert_memory_equal(answer.body, "hands", 5);
     }
     assert_int_equal(api_rehearsed, 1);
-    must(404, "GET", "/tasks/steady/expert?case=torn", ada, NULL); // that cannot be done
-    must(404, "GET", "/tasks/steady/expert?case=torn", ada, NULL);
+    must(404, "GET", "/tasks/probing/expert?case=healthy", ada, NULL); // that cannot be done
+    must(404, "GET", "/tasks/probing/expert?case=healthy", ada, NULL);
+    assert_int_equal(api_rehearsed, 2);
+    must(404, "GET", "/tasks/steady/expert?case=torn", ada, NULL); // that cannot be read
     assert_int_equal(api_rehearsed, 2);
     must(404, "GET", "/tasks/steady/expert", ada, NULL);
     must(404, "GET", "/tasks/none/expert?case=healthy", ada, NULL);
@@ -661,8 +665,47 @@ static void ask_meanwhile(void) {
 static void one_expert_is_computed_at_a_time(void **state) {
     (void)state;
     api_on_rehearse = ask_meanwhile;
+    api_wait_for_cases(token_of("ada.l"));
     must(200, "GET", "/tasks/steady/expert?case=healthy", token_of("ada.l"), NULL);
     assert_int_equal(status_meanwhile, 503);
+}
+
+static void hands_on_a_case_that_changed_are_computed_anew(void **state) {
+    (void)state;
+    const char *ada = token_of("ada.l");
+    struct knee_case *knee;
+    api_on_rehearse = NULL;
+    api_rehearsed = 0;
+    api_wait_for_cases(ada);
+    must(200, "GET", "/tasks/steady/expert?case=healthy", ada, NULL);
+    assert_ok(case_load(in_api("healthy"), NULL, &knee, &err));
+    snprintf(knee->title, sizeof knee->title, "Another knee than before");
+    assert_ok(case_save(knee, in_api("healthy"), &err));
+    case_destroy(&knee);
+    int status = 503; // while it reads the case
+    while (status == 503)
+        status = ask("GET", "/tasks/steady/expert?case=healthy", ada, NULL);
+    assert_int_equal(status, 200);
+    assert_int_equal(api_rehearsed, 2);
+}
+
+// Each that is not kept: it fails in a way that may pass.
+static void one_person_makes_the_server_compute_only_so_often(void **state) {
+    (void)state;
+    const char *ada = token_of("ada.l"), *grace = token_of("grace");
+    api_on_rehearse = NULL;
+    api_rehearsed = 0;
+    api_wait_for_cases(ada);
+    api_rehearse_fails = true;
+    int status = 404;
+    for (int i = 0; i < 20 && status == 404; i++)
+        status = ask("GET", "/tasks/steady/expert?case=healthy", ada, NULL);
+    api_rehearse_fails = false;
+    assert_int_equal(status, 429);
+    assert_int_equal(answer.retry_after_s, 10);
+    assert_int_equal(api_rehearsed, 8);
+    must(200, "GET", "/tasks/steady/expert?case=healthy", grace, NULL);
+    must(200, "GET", "/tasks/steady/expert?case=healthy", ada, NULL); // it is kept
 }
 
 int main(void) {
@@ -687,6 +730,8 @@ int main(void) {
         TEST(erasing_a_trainee_erases_attempts_ratings_and_exams),
         TEST(an_experts_hands_are_computed_once_and_never_during_an_exam),
         TEST(one_expert_is_computed_at_a_time),
+        TEST(hands_on_a_case_that_changed_are_computed_anew),
+        TEST(one_person_makes_the_server_compute_only_so_often),
     };
     return cmocka_run_group_tests_name("api_teaching", tests, NULL, NULL);
 }

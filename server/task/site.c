@@ -24,6 +24,12 @@ struct site {
     int tissue[CASE_GROUPS_MAX]; // -1: it cannot be cut
 };
 
+// Only while a site is made: the solids of the groups near a landmark, each made once.
+struct finder {
+    struct site *site;
+    struct solid solids[CASE_GROUPS_MAX]; // of a NULL mesh: not made yet
+};
+
 _Static_assert(CASE_GROUPS_MAX <= 32, "a bit for each group");
 
 // ---- places -------------------------------------------------------------------------------------
@@ -40,19 +46,19 @@ static bool is_touchable(const struct case_group *group, enum body body) {
 }
 
 // How far a point is from a group, negative inside; INFINITY where it is far away.
-static enum result distance_to(const struct case_group *group, vec3 at, double *out_mm,
+static enum result distance_to(struct finder *finder, int index, vec3 at, double *out_mm,
                                struct error *err) {
-    struct solid solid;
+    const struct case_group *group = &finder->site->knee->groups[index];
+    struct solid *solid = &finder->solids[index];
     uint32_t hint = MESH_NONE;
     struct box box = mesh_bounds(&group->mesh);
     *out_mm = INFINITY;
     if (at.x < box.min.x - FAR_MM || at.x > box.max.x + FAR_MM || at.y < box.min.y - FAR_MM ||
         at.y > box.max.y + FAR_MM || at.z < box.min.z - FAR_MM || at.z > box.max.z + FAR_MM)
         return RESULT_OK;
-    enum result result = solid_init(&solid, &group->mesh, err);
+    enum result result = solid->mesh ? RESULT_OK : solid_init(solid, &group->mesh, err);
     if (result == RESULT_OK)
-        *out_mm = solid_distance(&solid, at, &hint);
-    solid_fini(&solid);
+        *out_mm = solid_distance(solid, at, &hint);
     return result;
 }
 
@@ -92,15 +98,16 @@ static void show(const struct case_group *group, struct spot *spot) {
         spot->radius_mm = fmax(spot->radius_mm, vec3_distance(spot->middle, spot->shown[i]));
 }
 
-static enum result spot_at(const struct knee_case *knee, enum body body, vec3 at,
-                           struct spot *out_spot, struct error *err) {
+static enum result spot_at(struct finder *finder, enum body body, vec3 at, struct spot *out_spot,
+                           struct error *err) {
+    const struct knee_case *knee = finder->site->knee;
     double least = INFINITY;
     *out_spot = (struct spot){.body = body, .group = -1, .at = at};
     for (int i = 0; i < knee->group_count; i++) {
         double distance;
         if (!is_touchable(&knee->groups[i], body))
             continue;
-        enum result result = distance_to(&knee->groups[i], at, &distance, err);
+        enum result result = distance_to(finder, i, at, &distance, err);
         if (result != RESULT_OK)
             return result;
         if (distance >= least)
@@ -116,12 +123,12 @@ static enum result spot_at(const struct knee_case *knee, enum body body, vec3 at
     return RESULT_OK;
 }
 
-static enum result find_spot(const struct site *site, const char *name, struct spot *out_spot,
+static enum result find_spot(struct finder *finder, const char *name, struct spot *out_spot,
                              struct error *err) {
-    const struct case_landmark *landmark = case_landmark(site->knee, name);
+    const struct case_landmark *landmark = case_landmark(finder->site->knee, name);
     if (!landmark)
         return fail(err, RESULT_MISSING, "the case has no landmark %s", name);
-    return spot_at(site->knee, landmark->body, landmark->at, out_spot, err);
+    return spot_at(finder, landmark->body, landmark->at, out_spot, err);
 }
 
 // ---- lines --------------------------------------------------------------------------------------
@@ -142,16 +149,16 @@ static enum result add_piece(struct site_goal *g, const struct query *surface, v
     return RESULT_OK;
 }
 
-static enum result find_line(const struct site *site, const struct goal *goal, struct site_goal *g,
+static enum result find_line(struct finder *finder, const struct goal *goal, struct site_goal *g,
                              struct error *err) {
     struct query *surface = NULL;
-    enum result result = find_spot(site, goal->follow[0], &g->touch, err);
+    enum result result = find_spot(finder, goal->follow[0], &g->touch, err);
     vec3 from = g->touch.at;
     if (result == RESULT_OK)
-        result = query_create(&site->knee->groups[g->touch.group].mesh, &surface, err);
+        result = query_create(&finder->site->knee->groups[g->touch.group].mesh, &surface, err);
     for (int i = 1; i < goal->place_count && result == RESULT_OK; i++) {
         struct spot to;
-        result = find_spot(site, goal->follow[i], &to, err);
+        result = find_spot(finder, goal->follow[i], &to, err);
         if (result == RESULT_OK && to.body != g->touch.body)
             result = fail(err, RESULT_INVALID, "%s lies on another bone", goal->follow[i]);
         if (result == RESULT_OK)
@@ -202,17 +209,18 @@ static enum result find_portal(const struct site *site, const char *name, int *o
                             : fail(err, RESULT_MISSING, "the case has no portal %s", name);
 }
 
-static enum result find_goal(struct site *site, int index, struct error *err) {
+static enum result find_goal(struct finder *finder, int index, struct error *err) {
+    struct site *site = finder->site;
     const struct goal *goal = &site->task->goals[index];
     struct site_goal *g = &site->goals[index];
     enum result result = RESULT_OK;
     g->seen_cosine = cos(RAD_PER_DEG * goal->centre * 0.5 * site->optic.field_deg);
     if (goal->see[0])
-        result = find_spot(site, goal->see, &g->see, err);
+        result = find_spot(finder, goal->see, &g->see, err);
     if (result == RESULT_OK && goal->touch[0])
-        result = find_spot(site, goal->touch, &g->touch, err);
+        result = find_spot(finder, goal->touch, &g->touch, err);
     if (result == RESULT_OK && goal->place_count)
-        result = find_line(site, goal, g, err);
+        result = find_line(finder, goal, g, err);
     if (result == RESULT_OK && (goal->touch[0] || goal->place_count))
         result = find_tool(site, goal->tool, &g->tool, err);
     if (result == RESULT_OK && goal->resect[0])
@@ -224,6 +232,18 @@ static enum result find_goal(struct site *site, int index, struct error *err) {
     if (result == RESULT_OK)
         result = find_portal(site, goal->tool_portal, &g->tool_portal, err);
     return result == RESULT_OK ? result : fail_in(err, result, "[goal %s]: ", goal->name);
+}
+
+static enum result find_goals(struct site *site, struct error *err) {
+    struct finder *finder = alloc(1, sizeof *finder);
+    finder->site = site;
+    enum result result = RESULT_OK;
+    for (int i = 0; i < site->task->goal_count && result == RESULT_OK; i++)
+        result = find_goal(finder, i, err);
+    for (int i = 0; i < CASE_GROUPS_MAX; i++)
+        solid_fini(&finder->solids[i]);
+    free(finder);
+    return result;
 }
 
 // A group that the case does not have makes no error.
@@ -324,8 +344,8 @@ enum result site_create(const struct task *task, const struct scene *scene,
     enum result result = fits_optic(task, optic, err);
     if (result == RESULT_OK)
         result = build_sights(site, err);
-    for (int i = 0; i < task->goal_count && result == RESULT_OK; i++)
-        result = find_goal(site, i, err);
+    if (result == RESULT_OK)
+        result = find_goals(site, err);
     for (int i = 0; i < task->error_count && result == RESULT_OK; i++)
         result = find_error(site, i, err);
     if (result != RESULT_OK)

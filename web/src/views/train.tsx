@@ -375,8 +375,8 @@ function Feedback({ app, live, attempt, leave, again, next }: { app: App; live: 
       <div class="train-actions">
         <Button onClick={leave}>{words.leave}</Button>
         <a class="button" href={routeTo("session", [idOf(live)], { attempt: String(attempt.number) })}>{text.station.debrief}</a>
-        <Button class="huge" onClick={again}>{words.again}</Button>
-        <Button kind="primary" class="huge" onClick={next}>{words.nextTask}</Button>
+        <Button kind={passed ? "plain" : "primary"} class="huge" onClick={again}>{words.again}</Button>
+        <Button kind={passed ? "primary" : "plain"} class="huge" onClick={next}>{words.nextTask}</Button>
       </div>
     </section>
   );

@@ -42,10 +42,10 @@ static void pause_ns(int64_t ns) {
 
 // ---- the server ---------------------------------------------------------------------------------
 
-static int free_port(int type) {
+static int free_port(void) {
     struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
     socklen_t size = sizeof address;
-    int fd = socket(AF_INET, type | SOCK_CLOEXEC, 0);
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     int failed = fd < 0 || bind(fd, (struct sockaddr *)&address, size) ||
                  getsockname(fd, (struct sockaddr *)&address, &size);
     NEED(!failed, "port");
@@ -61,9 +61,9 @@ static enum result write_config(const struct hall *hall, const struct hall_setup
     if (!file)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     fprintf(file,
-            "[server]\naddress = 127.0.0.1\nport = %d\nudp_port = %d\nworkers = 1\nkeys = keys\n"
+            "[server]\naddress = 127.0.0.1\nport = %d\nudp_port = 0\nworkers = %d\nkeys = keys\n"
             "traces = traces\nsocket = s\n[case hall]\ndir = %s\n",
-            hall->port, free_port(SOCK_DGRAM), setup->case_dir);
+            hall->port, setup->cpu < 0 ? 0 : 1, setup->case_dir);
     for (int i = 0; i < hall->station_count; i++)
         fprintf(file, "[station station-%d]\ncase = hall\n", i);
     return fclose(file) ? fail(err, RESULT_IO, "%s: %s", path, strerror(errno)) : RESULT_OK;
@@ -297,7 +297,7 @@ static enum result open_stations(struct hall *hall, struct error *err) {
 enum result hall_start(const struct hall_setup *setup, struct hall *hall, struct error *err) {
     *hall = (struct hall){.station_count = setup->station_count + setup->idle,
                           .caller_count = setup->station_count,
-                          .port = free_port(SOCK_STREAM)};
+                          .port = free_port()};
     raise_descriptors();
     folder_make(hall->folder);
     enum result result = write_config(hall, setup, err);

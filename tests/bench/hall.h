@@ -27,7 +27,7 @@ struct hall_setup {
     int station_count;
     const char *case_dir;
     const char *field; // of the warp; NULL: that of the server
-    int cpu;           // where the server runs, -1: anywhere
+    int cpu;           // where the server runs, with one worker; -1: anywhere, with its usual ones
     int idle;          // stations beyond these, which never send a pose
 };
 

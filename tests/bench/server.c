@@ -223,9 +223,6 @@ static void report_crowd(const struct hall *hall, double few_bytes, const struct
     report_mark(report, "session_bytes",
                 (hall_memory(hall) - few_bytes) / (MANY_STATIONS - FEW_STATIONS), "bytes", 2e6,
                 BETTER_LOW);
-    report_mark(report, "idle_core_per_1000",
-                idle_share(hall, 2 * rounds->lasts_ns) * 1000 / MANY_STATIONS, "1", 0.05,
-                BETTER_LOW);
     report_mark(report, "cost_growth_50_over_5", growth(hall, rounds), "1", 1.1, BETTER_LOW);
 }
 
@@ -300,8 +297,9 @@ static enum result two_threads(const char *folder, const char *case_dir,
 static void report_large(const struct hall *hall, int idle, int64_t lasts_ns,
                          struct report *report) {
     struct load_result result = {0};
-    struct load load = {CROWD_HZ, lasts_ns};
-    double share = idle_share(hall, lasts_ns);
+    struct load load = {CROWD_HZ, lasts_ns, .sleeps = true};
+    report_mark(report, "idle_core_per_1000",
+                idle_share(hall, lasts_ns) * 1000 / hall->station_count, "1", 0.05, BETTER_LOW);
     load_run(hall->callers, hall->caller_count, &load, &result);
     report_mark(report, "active_lost", (double)(result.sent - result.answered), "frames", 0,
                 BETTER_LOW);
@@ -312,8 +310,6 @@ static void report_large(const struct hall *hall, int idle, int64_t lasts_ns,
                   "large hall/round trip p50");
     report_figure(report, samples_quantile(&result.round_trips_us, 0.99), "us",
                   "large hall/round trip p99");
-    report_figure(report, share * 1000 / hall->station_count, "1",
-                  "large hall/core for 1000 idle stations");
     report_figure(report, hall_memory(hall) / hall->station_count, "bytes",
                   "large hall/memory a station, with the case");
     load_result_fini(&result);
@@ -323,7 +319,7 @@ static void report_large(const struct hall *hall, int idle, int64_t lasts_ns,
 static enum result large_hall(const char *case_dir, bool quick, struct report *report,
                               struct error *err) {
     struct hall hall;
-    struct hall_setup setup = {ACTIVE_STATIONS, case_dir, NULL, SERVER_CPU, IDLE_STATIONS};
+    struct hall_setup setup = {ACTIVE_STATIONS, case_dir, NULL, -1, IDLE_STATIONS};
     if (quick) {
         setup.station_count /= 5;
         setup.idle /= 5;

@@ -114,7 +114,7 @@ class Attack:
         works += [(self.request, ("GET", "/me", None, "stranger", "a=b")), (self.request, ("GET", "/me", None, "who")),
                   (self.request, ("GET", "/me", None, "forged", "arthron=" + "0" * 64))]
         works += [(self.download, ())] * DOWNLOADS
-        os.nice(19)  # as if it were at another machine: it takes no processor that the server wants
+        os.nice(10)  # as if it were at another machine: it takes no processor that the server wants
         for work, arguments in works:
             threading.Thread(target=work, args=arguments, daemon=True).start()
         while self.goes_on() and not all(self.counts.get(name) for name in HELD_BACK):

@@ -189,7 +189,7 @@ def framed(data):
 
 
 def attack(port, keys):
-    os.nice(19)  # as if it were at another machine: it takes no processor that the server wants
+    os.nice(10)  # as if it were at another machine: it takes no processor that the server wants
     thief = Thief(int(port), keys)
     while not thief.keys:
         thief.hear(0.05)

@@ -32,6 +32,9 @@ struct motion_step *add_place(struct motion_script *script, enum motion_verb ver
                               enum channel tool, const char *group, const char *from,
                               const char *to);
 
+// Of the knee, as a motion has it: its places are those of a right knee.
+vec3 place_of(const struct knee_case *knee, vec3 at);
+
 // The joint a little beyond what the goal asks, or as the stance has it.
 void hold_joint(struct planner *p, const struct goal *goal, const struct stance *stance);
 

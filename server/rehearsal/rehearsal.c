@@ -108,6 +108,38 @@ static void play_anew(struct planner *p) {
     play_on(p->play, p->plan.motion);
 }
 
+static bool palpate_from(struct planner *p, int index, vec3 at) {
+    const struct goal *goal = &p->task->goals[index];
+    const struct site_goal *g = site_goal(p->site, index);
+    int first = p->script->step_count;
+    struct motion_step *step =
+        add_place(p->script, MOTION_PALPATE, channel_of(g), group_name(p, &g->touch), "",
+                  goal->follow[goal->place_count - 1]);
+    if (!step)
+        return false;
+    step->from.at = place_of(p->knee, at);
+    return plan_from(p, first);
+}
+
+// A line can leap where it is nearest to another face of its surface: the hand lifts off there and
+// goes on from the first point that it has not passed.
+static bool trace_on(struct planner *p, int index) {
+    const struct site_goal *g = site_goal(p->site, index);
+    const struct goal_state *state = &play_attempt(p->play)->goals[index];
+    int32_t before = 0;
+    play_on(p->play, p->plan.motion);
+    while (!state->met && state->along > before) {
+        before = state->along;
+        if (!palpate_from(p, index, g->line[before]))
+            return false;
+        play_on(p->play, p->plan.motion);
+    }
+    if (!state->met)
+        fail(p->err, RESULT_INVALID, "%d of %d points of the line are passed, and no more",
+             state->along, g->line_count);
+    return state->met;
+}
+
 // Goals that are pursued together: those whose scope stays.
 static int last_of_chain(const struct planner *p, int goal) {
     while (is_turned_from(p, goal))
@@ -137,7 +169,8 @@ static bool pursue(struct planner *p, int index, const struct stance *stance) {
         bring_in(p, channel_of(g));
         touch(p, script, goal, g);
     }
-    if (!plan_from(p, first) || (goal->take_out[0] && !take_out(p, g->loose, stance->distance)))
+    if (!plan_from(p, first) || (goal->place_count && !trace_on(p, index)) ||
+        (goal->take_out[0] && !take_out(p, g->loose, stance->distance)))
         return false;
     first = script->step_count;
     add_amount(script, MOTION_WAIT, goal->hold_s + SETTLE_S);

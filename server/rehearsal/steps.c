@@ -39,6 +39,10 @@ struct motion_step *add_place(struct motion_script *script, enum motion_verb ver
     return step;
 }
 
+vec3 place_of(const struct knee_case *knee, vec3 at) {
+    return (vec3){knee->joint.side == SIDE_LEFT ? -at.x : at.x, at.y, at.z};
+}
+
 static double clamped(double value, double most) {
     return fmin(fmax(value, -most), most);
 }

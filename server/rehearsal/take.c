@@ -2,7 +2,6 @@
 
 #include "rehearsal/forecast.h"
 
-// Places of a motion are those of a right knee.
 static void look_at(struct motion_script *script, const struct knee_case *knee,
                     const struct case_loose *loose, double distance) {
     struct motion_step *step =
@@ -11,9 +10,7 @@ static void look_at(struct motion_script *script, const struct knee_case *knee,
         return;
     step->has_place = true;
     step->amount = distance;
-    step->from.at = loose->at;
-    if (knee->joint.side == SIDE_LEFT)
-        step->from.at.x = -step->from.at.x;
+    step->from.at = place_of(knee, loose->at);
 }
 
 // The hand aims at where the scope shows it.

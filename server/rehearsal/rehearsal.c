@@ -177,41 +177,55 @@ static bool pursue(struct planner *p, int index, const struct stance *stance) {
     return plan_from(p, first);
 }
 
-// Where the stance does not meet the goal, all is as before.
-static bool try_stance(struct planner *p, int goal, const struct stance *stance) {
-    int last = last_of_chain(p, goal), first_step = p->script->step_count;
+// Plans and plays the goals of a chain. Whether they are met.
+static bool play_chain(struct planner *p, int goal, int last, const struct stance *stance) {
+    for (int i = goal; i <= last; i++)
+        if (!pursue(p, i, stance))
+            return false;
+    play_on(p->play, p->plan.motion);
+    if (!play_attempt(p->play)->goals[last].met)
+        fail(p->err, RESULT_INVALID,
+             "the hands get there, but its conditions do not hold together");
+    return play_attempt(p->play)->goals[last].met;
+}
+
+// Where the stance does not meet the goal, all is as before. An error counts as not met, but
+// *flawed becomes the first stance that made one; NULL: errors are taken.
+static bool try_stance(struct planner *p, int goal, const struct stance *stance,
+                       const struct stance **flawed) {
+    int first_step = p->script->step_count, errors = play_attempt(p->play)->errors;
     struct plan_mark before = plan_mark(&p->plan);
-    bool is_planned = true;
-    for (int i = goal; i <= last && is_planned; i++)
-        is_planned = pursue(p, i, stance);
-    if (is_planned)
-        play_on(p->play, p->plan.motion);
-    if (is_planned && play_attempt(p->play)->goals[last].met)
+    bool met = play_chain(p, goal, last_of_chain(p, goal), stance);
+    bool is_flawed = flawed && play_attempt(p->play)->errors > errors;
+    if (met && !is_flawed)
         return true;
+    if (met && !*flawed)
+        *flawed = stance;
     p->script->step_count = first_step;
     plan_back(&p->plan, &before);
     if (play_rows(p->play) > p->plan.motion->row_count)
         play_anew(p);
-    if (!is_planned)
-        return false;
-    fail(p->err, RESULT_INVALID, "the hands get there, but its conditions do not hold together");
     return false;
 }
 
-// The expert tries stances until one meets the goal, first the one that the joint has.
+// The expert tries stances until one meets the goal without an error, first the one that the joint
+// has.
 static bool meet(struct planner *p, int goal) {
     const struct stance now = {p->plan.hold.flexion_deg, p->plan.hold.valgus_deg, 0};
+    const struct stance *flawed = NULL;
     struct error first = {""};
     if (p->task->goals[goal].resect[0])
         return meet_resection(p, goal);
-    if (goal > 0 && try_stance(p, goal, &now))
+    if (goal > 0 && try_stance(p, goal, &now, &flawed))
         return true;
     for (int i = 0; i < STANCE_COUNT; i++) {
-        if (try_stance(p, goal, &stances[i]))
+        if (try_stance(p, goal, &stances[i], &flawed))
             return true;
         if (i == 0)
             first = *p->err;
     }
+    if (flawed && try_stance(p, goal, flawed, NULL))
+        return true;
     *p->err = first;
     fail_in(p->err, RESULT_INVALID, "[goal %s]: ", p->task->goals[goal].name);
     return false;

@@ -165,7 +165,7 @@ def make_base(folder):
     archive = os.path.join(folder, "base.tar")
     run("mmdebstrap", "--variant=apt", "--include=usr-is-merged",
         "--hook-dir=/usr/share/mmdebstrap/hooks/merged-usr", "--dpkgopt=force-unsafe-io", *options, "bookworm",
-        archive, *sources, timeout=300)
+        archive, *sources, timeout=900)
     docker("import", "--change", 'CMD ["bash"]', "--change",
            "ENV NODE_EXTRA_CA_CERTS=/etc/ssl/certs/ca-certificates.crt", archive, BASE)
     os.remove(archive)

@@ -107,7 +107,7 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
     if (dent) giveWay(shader, dent);
     if (shafts) shadeBy(shader, shafts);
   };
-  material.customProgramCacheKey = () => `${other ? "bridge" : ""}${dent ? "dent" : ""}${JSON.stringify(grain)}`;
+  material.customProgramCacheKey = () => `${other ? "bridge" : ""}${dent ? "dent" : ""}${shafts ? "shafts" : ""}${JSON.stringify(grain)}`;
   return material;
 }
 

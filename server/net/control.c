@@ -224,6 +224,8 @@ static int tick(struct peer *peer) {
     if (next_us <= 0 || peer->closing) {
         if (!peer_tick(peer, now_ns, &next_us))
             return ws_end(peer->wsi);
+        if (peer->closing && !peer->urgent.size) // its ping could not be written
+            return ws_end(peer->wsi);
         peer->tick_ns = peer->agreed ? now_ns + 1000 * next_us : 0;
         if (next_us >= TOGETHER_NS / 1000) // with those of other peers, in one turn of the thread
             peer->tick_ns -= peer->tick_ns % TOGETHER_NS;

@@ -42,8 +42,8 @@ struct peer {
     struct clock_offset clock;
     int pings;
     int64_t ping_ns, pong_ns; // the last ones
-    int64_t asked_ns;         // the first Ping without a Pong; 0: there is none
-    int64_t asks_us_ns;       // the last Ping of the station
+    int64_t unanswered_ns;    // the first Ping without a Pong; 0: there is none
+    int64_t their_ping_ns;    // the last Ping of the station
     int64_t frame_ns;         // the last Frame that came here
     int64_t warned_s;         // that its certificate ends; 0: not yet
     int64_t tick_ns;          // when the next tick is due, once agreed

@@ -220,15 +220,15 @@ static void send_ping(struct peer *peer) {
     arthron_Control message = {.which_message = arthron_Control_ping_tag};
     message.message.ping.sent_ns = peer->ping_ns = clock_now_ns();
     control_send_from_here(peer, &message);
-    if (!peer->asked_ns)
-        peer->asked_ns = peer->ping_ns;
+    if (!peer->unanswered_ns)
+        peer->unanswered_ns = peer->ping_ns;
     peer->pings++;
 }
 
 static void handle_ping(struct peer *peer, const arthron_Ping *ping, int64_t received_ns) {
     arthron_Control answer = {.which_message = arthron_Control_pong_tag};
     answer.message.pong = (arthron_Pong){ping->sent_ns, received_ns, clock_now_ns()};
-    peer->asks_us_ns = received_ns;
+    peer->their_ping_ns = received_ns;
     control_send_from_here(peer, &answer);
 }
 
@@ -239,7 +239,7 @@ static bool is_remote_time(int64_t time_ns) {
 static void handle_pong(struct peer *peer, const arthron_Pong *pong, int64_t received_ns) {
     int64_t offset_ns, uncertainty_ns;
     peer->pong_ns = received_ns;
-    peer->asked_ns = 0;
+    peer->unanswered_ns = 0;
     if (pong->sent_ns < 0 || pong->sent_ns > received_ns || !is_remote_time(pong->received_ns) ||
         !is_remote_time(pong->answered_ns) ||
         !clock_offset_add(&peer->clock, pong->sent_ns, pong->received_ns, pong->answered_ns,
@@ -370,7 +370,7 @@ static bool has_datagrams(const struct peer *peer, int64_t now_ns) {
 
 // The station's own pings tell that the connection lives, and its clock has no frame to place.
 static bool rests(const struct peer *peer, int64_t now_ns) {
-    return is_recent(peer->asks_us_ns, now_ns) && !is_recent(peer->frame_ns, now_ns) &&
+    return is_recent(peer->their_ping_ns, now_ns) && !is_recent(peer->frame_ns, now_ns) &&
            !has_datagrams(peer, now_ns);
 }
 
@@ -382,8 +382,8 @@ static bool is_ping_due(const struct peer *peer, int64_t now_ns) {
 // While the station's frames come by datagram, its session lives without this connection for a
 // while.
 static bool is_silent(const struct peer *peer, int64_t now_ns) {
-    int64_t heard_ns = peer->pong_ns > peer->asks_us_ns ? peer->pong_ns : peer->asks_us_ns;
-    bool unanswered = peer->asked_ns && now_ns - peer->asked_ns > UNANSWERED_NS;
+    int64_t heard_ns = peer->pong_ns > peer->their_ping_ns ? peer->pong_ns : peer->their_ping_ns;
+    bool unanswered = peer->unanswered_ns && now_ns - peer->unanswered_ns > UNANSWERED_NS;
     if (!unanswered && now_ns - heard_ns <= SILENCE_NS)
         return false;
     return !has_datagrams(peer, now_ns) || now_ns - peer->pong_ns > SILENCE_BESIDE_DATAGRAMS_NS;

@@ -77,14 +77,18 @@ class Hall:
                                check=False).stdout
         return list(csv.DictReader(table.splitlines()))
 
-    def wait_for(self, room, what, good, since=None):
-        """Waits for 20 steps of which `good` is true, recorded after `since`; returns all rows from then."""
+    def wait_for(self, room, what, good, since=None, steps=20):
+        """Waits for steps of which `good` is true, recorded after `since`; returns all rows from then."""
         since = since or time.time()
 
         def enough():
             rows = self.rows(room, since)
-            return rows if sum(map(good, rows)) >= 20 else None
+            return rows if sum(map(good, rows)) >= steps else None
         return wait_until(f"{room}: {what}", enough)
+
+    def wait_for_silence(self, room, since):
+        """Waits for steps without a frame. A session that rests makes one in five seconds."""
+        self.wait_for(room, "steps without frames", lambda row: row["frame_number"] == "0", since, steps=5)
 
     # ---- what is done to it from outside
 

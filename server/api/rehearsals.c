@@ -76,13 +76,15 @@ static struct entry compute(const struct rehearsals *r, const struct rehearsal_w
     return made;
 }
 
-// With the lock, which is left meanwhile.
+// With the lock, which is left meanwhile. NULL: it failed, and may work another time.
 static const struct entry *make(struct rehearsals *r, const struct rehearsal_wish *wish) {
     r->computing = true;
     pthread_mutex_unlock(&r->lock);
     struct entry made = compute(r, wish);
     pthread_mutex_lock(&r->lock);
     r->computing = false;
+    if (!made.used)
+        return NULL;
     struct entry *place = &r->entries[r->next++ % KEPT];
     free(place->batch);
     *place = made;

@@ -5,6 +5,7 @@
 #include <libwebsockets.h>
 #include <openssl/crypto.h>
 #include <stdlib.h>
+#include <uv.h>
 
 static void *crypto_malloc(size_t size, const char *file, int line) {
     (void)file;
@@ -36,7 +37,16 @@ static void *websockets_realloc(void *memory, size_t size, const char *reason) {
     return resize(memory, size);
 }
 
+static void *loop_malloc(size_t size) {
+    return size ? alloc_resize(NULL, 1, size) : NULL;
+}
+
+static void *loop_calloc(size_t count, size_t size) {
+    return count && size ? alloc(count, size) : NULL;
+}
+
 void libraries_use_our_memory(void) {
     CHECK(CRYPTO_set_mem_functions(crypto_malloc, crypto_realloc, crypto_free) == 1);
+    CHECK(uv_replace_allocator(loop_malloc, resize, loop_calloc, free) == 0);
     lws_set_allocator(websockets_realloc);
 }

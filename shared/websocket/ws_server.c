@@ -14,9 +14,11 @@
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
+#include <uv.h>
 
 #define GOODBYE_US (500 * LWS_US_PER_MS)
 #define LOOK_AGAIN_US LWS_US_PER_SEC
+#define LAST_TURNS 1000
 #define WRITE_CLOSE ((enum lws_write_protocol)4) // libwebsockets' own name for it is not public
 #define UNSENT_MAX 16384
 #define ENOUGH_DESCRIPTORS 1024
@@ -24,7 +26,9 @@
 
 struct ws_server {
     struct ws_server_handler handler;
-    struct lws_context *context;
+    struct lws_context *context; // libwebsockets clears it once all of it is gone
+    uv_loop_t loop;              // its sockets wait in epoll: a turn costs nothing for silent ones
+    bool has_loop;
     SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
     int port;
     pthread_t thread;
@@ -58,12 +62,19 @@ static void look_again(lws_sorted_usec_list_t *turn) {
     lws_sul_schedule(server->context, 0, turn, look_again, LOOK_AGAIN_US);
 }
 
+// Of what libwebsockets has read ahead, libuv's turn hands out one part only.
+static void take_turn(struct ws_server *server) {
+    uv_run(&server->loop, UV_RUN_ONCE);
+    if (!lws_service_adjust_timeout(server->context, 1, 0))
+        lws_cancel_service(server->context);
+}
+
 static void *serve(void *argument) {
     struct ws_server *server = argument;
     const struct ws_server_handler *h = &server->handler;
     look_again(&server->turn);
     while (!is_over(server)) {
-        lws_service(server->context, 0);
+        take_turn(server);
         bool woken = atomic_exchange(&server->woken, false);
         if (atomic_load(&server->stopping) && !server->stops)
             begin_to_stop(server);
@@ -104,8 +115,8 @@ static bool machine_has_ipv6(void) {
 }
 
 static uint64_t options_of(enum ws_server_kind kind, const char *address) {
-    uint64_t options =
-        LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND | LWS_SERVER_OPTION_EXPLICIT_VHOSTS;
+    uint64_t options = LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND |
+                       LWS_SERVER_OPTION_EXPLICIT_VHOSTS | LWS_SERVER_OPTION_LIBUV;
     bool ipv6 = address ? strchr(address, ':') != NULL : machine_has_ipv6();
     if (kind == WS_SERVER_LOCAL)
         return options | LWS_SERVER_OPTION_UNIX_SOCK;
@@ -128,10 +139,11 @@ static enum result fail_to_listen(enum ws_server_kind kind,
                 kind == WS_SERVER_TLS ? info->ssl_cert_filepath : "");
 }
 
-static void complete(const struct ws_server *server, enum ws_server_kind kind,
+static void complete(struct ws_server *server, enum ws_server_kind kind,
                      struct lws_context_creation_info *info) {
     info->options = options_of(kind, info->iface);
     info->user = server->handler.user;
+    info->pcontext = &server->context;
     info->provided_client_ssl_ctx = server->no_client;
     info->listen_accept_role = kind == WS_SERVER_RAW ? "raw-skt" : NULL;
     info->listen_accept_protocol = kind == WS_SERVER_RAW ? info->protocols[0].name : NULL;
@@ -155,6 +167,20 @@ int ws_server_places(int wanted, int spare, int *out_spare) {
     return share - *out_spare;
 }
 
+static enum result create_context(struct ws_server *server, struct lws_context_creation_info *info,
+                                  struct error *err) {
+    void *loops[] = {&server->loop};
+    server->has_loop = uv_loop_init(&server->loop) == 0;
+    if (!server->has_loop)
+        return fail(err, RESULT_LIMIT, "no descriptors are left to listen with");
+    info->foreign_loops = loops;
+    server->context = lws_create_context(info);
+    return server->context ? RESULT_OK
+                           : fail(err, RESULT_IO,
+                                  "libwebsockets does not start; its part libwebsockets-evlib-uv "
+                                  "may not be installed");
+}
+
 enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_creation_info *info,
                              const struct ws_server_handler *handler, struct ws_server **out_server,
                              struct error *err) {
@@ -168,9 +194,11 @@ enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_
     }
     complete(server, kind, &whole);
     lws_set_log_level(0, NULL);
-    server->context = lws_create_context(&whole);
-    struct lws_vhost *vhost = server->context ? lws_create_vhost(server->context, &whole) : NULL;
-    enum result result = vhost ? RESULT_OK : fail_to_listen(kind, &whole, errno, err);
+    enum result result = create_context(server, &whole, err);
+    struct lws_vhost *vhost =
+        result == RESULT_OK ? lws_create_vhost(server->context, &whole) : NULL;
+    if (result == RESULT_OK && !vhost)
+        result = fail_to_listen(kind, &whole, errno, err);
     if (vhost)
         server->port = lws_get_vhost_listen_port(vhost);
     else
@@ -179,12 +207,22 @@ enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_
     return result;
 }
 
+// Sockets are closed in turns of their loop, and the rest of the context behind them.
+static void destroy_context(struct ws_server *server) {
+    while (server->context) {
+        lws_context_destroy(server->context);
+        for (int left = LAST_TURNS; left > 0 && uv_run(&server->loop, UV_RUN_NOWAIT);)
+            left--;
+    }
+    if (server->has_loop)
+        uv_loop_close(&server->loop);
+}
+
 void ws_server_destroy(struct ws_server **server) {
     struct ws_server *s = *server;
     if (!s)
         return;
-    if (s->context)
-        lws_context_destroy(s->context);
+    destroy_context(s);
     SSL_CTX_free(s->no_client);
     free(s);
     *server = NULL;

@@ -1,6 +1,6 @@
-// The functions of libwebsockets that the rooms call, over streams in virtual time: no TLS, no
-// frames; a message arrives whole and in order, or its stream ends. The library itself is not
-// linked.
+// The functions of libwebsockets and libuv that the rooms call, over streams in virtual time: no
+// TLS, no frames; a message arrives whole and in order, or its stream ends. The libraries
+// themselves are not linked.
 #include "base/check.h"
 #include "base/clock.h"
 #include "net/identity.h"
@@ -12,6 +12,7 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
+#include <uv.h>
 
 #define TIMERS_MAX 8
 #define CONNECT_NS (5 * NS_PER_S)
@@ -25,7 +26,9 @@ struct lws_context {
     struct sim_process *process;
     const struct lws_protocols *protocols;
     void *user;
-    struct lws_vhost listens; // port 0: a client's
+    void *loop;                   // of libuv; NULL: it has none
+    struct lws_context **cleared; // at its end; NULL: none
+    struct lws_vhost listens;     // port 0: a client's
     bool cancelled;
     lws_sorted_usec_list_t *timers[TIMERS_MAX];
     struct lws *first;
@@ -66,6 +69,8 @@ struct lws_context *lws_create_context(const struct lws_context_creation_info *i
     context->process = sim_process();
     context->protocols = info->protocols;
     context->user = info->user;
+    context->loop = info->foreign_loops ? info->foreign_loops[0] : NULL;
+    context->cleared = info->pcontext;
     context->next = contexts;
     contexts = context;
     return context;
@@ -90,6 +95,8 @@ void lws_context_destroy(struct lws_context *context) {
     while (*at != context)
         at = &(*at)->next;
     *at = context->next;
+    if (context->cleared)
+        *context->cleared = NULL;
     free(context);
 }
 
@@ -444,6 +451,30 @@ int lws_service(struct lws_context *context, int ms) {
     while (!serve(context))
         sim_wait(context, next_time(context) == INT64_MAX ? INT64_MAX : next_time(context) + 1);
     return 0;
+}
+
+int uv_loop_init(uv_loop_t *loop) {
+    (void)loop;
+    return 0;
+}
+
+int uv_loop_close(uv_loop_t *loop) {
+    (void)loop;
+    return 0;
+}
+
+int uv_run(uv_loop_t *loop, uv_run_mode mode) {
+    for (struct lws_context *context = contexts; context && mode == UV_RUN_ONCE;
+         context = context->next)
+        if (context->loop == loop)
+            return lws_service(context, 0);
+    return 0;
+}
+
+int lws_service_adjust_timeout(struct lws_context *context, int ms, int thread) {
+    (void)context;
+    (void)thread;
+    return ms;
 }
 
 // ---- who is there -------------------------------------------------------------------------------

@@ -156,6 +156,16 @@ static struct trace_writer *hold_next_with_news(int *at) {
     return hold_next(at);
 }
 
+static bool has_to_sync(const struct trace_writer *w) {
+    return w->ends || atomic_load(&w->written) != atomic_load(&w->synced);
+}
+
+static struct trace_writer *hold_next_to_sync(int *at) {
+    while (*at < disk.count && !has_to_sync(disk.writers[*at]))
+        ++*at;
+    return hold_next(at);
+}
+
 static void let_go(struct trace_writer *w) {
     w->holds--;
     pthread_cond_broadcast(&disk.released);
@@ -195,7 +205,7 @@ static void *sync_all(void *context) {
     pthread_mutex_lock(&disk.lock);
     while (!disk.stop) {
         struct trace_writer *w;
-        for (int at = 0; (w = hold_next(&at));) {
+        for (int at = 0; (w = hold_next_to_sync(&at));) {
             bool ends = w->ends;
             pthread_mutex_unlock(&disk.lock);
             bool finished = sync_or_finish(w, ends);

@@ -18,7 +18,7 @@
 #define SAID_NS (10 * NS_PER_S)
 #define MESSAGES_PER_S 4000 // of one peer; a station sends 2000 frames at most
 #define MESSAGES_BURST 2000
-#define TOGETHER_NS (50 * NS_PER_MS)
+#define ROUND_US (100 * LWS_US_PER_MS)
 #define SLOWED_US (50 * LWS_US_PER_MS)
 
 // ---- the control thread -------------------------------------------------------------------------
@@ -218,21 +218,30 @@ static int write_next(struct peer *peer) {
 }
 
 static int tick(struct peer *peer) {
-    int64_t now_ns = clock_now_ns(), next_us = (peer->tick_ns - now_ns) / 1000;
-    if (pause_reading(peer))
+    int64_t now_ns = clock_now_ns(), next_us;
+    if (pause_reading(peer) || (peer->agreed && !peer->closing && now_ns < peer->tick_ns))
         return 0;
-    if (next_us <= 0 || peer->closing) {
-        if (!peer_tick(peer, now_ns, &next_us))
-            return ws_end(peer->wsi);
-        if (peer->closing && !peer->urgent.size) // its ping could not be written
-            return ws_end(peer->wsi);
-        peer->tick_ns = peer->agreed ? now_ns + 1000 * next_us : 0;
-        if (next_us >= TOGETHER_NS / 1000) // with those of other peers, in one turn of the thread
-            peer->tick_ns -= peer->tick_ns % TOGETHER_NS;
-        next_us = peer->agreed ? (peer->tick_ns - now_ns) / 1000 : next_us;
-    }
-    lws_set_timer_usecs(peer->wsi, next_us);
+    if (!peer_tick(peer, now_ns, &next_us))
+        return ws_end(peer->wsi);
+    if (peer->closing && !peer->urgent.size) // its ping could not be written
+        return ws_end(peer->wsi);
+    peer->tick_ns = now_ns + 1000 * next_us;
+    if (!peer->agreed || next_us < ROUND_US)
+        lws_set_timer_usecs(peer->wsi, next_us);
     return 0;
+}
+
+// Ticks of agreed peers come together, in few turns of the thread. Each with a timer of its own
+// would cost more, the more peers there are: libwebsockets keeps timers in a sorted list.
+static void on_round(lws_sorted_usec_list_t *round) {
+    struct control *control = lws_container_of(round, struct control, round);
+    int64_t now_ns = clock_now_ns();
+    for (int i = 0; i < control->slot_count; i++) {
+        struct peer *peer = control->slots[i].peer;
+        if (peer && !peer->closing && !peer->slows && !peer->slowed && peer->tick_ns <= now_ns)
+            lws_set_timer_usecs(peer->wsi, 1);
+    }
+    lws_sul_schedule(ws_server_context(control->server), 0, round, on_round, ROUND_US);
 }
 
 static int on_peer(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *bytes,
@@ -315,6 +324,9 @@ static struct server_files paths_in(const char *dir) {
     return paths;
 }
 
+// A peer's own pings tell whether it lives. libwebsockets would sort a timer with each message.
+static const lws_retry_bo_t no_pings = {0};
+
 static enum result listen_at(struct control *control, const struct control_config *config,
                              const struct server_files *paths, struct error *err) {
     int spare, places = ws_server_places(door_places(config->stations), SPARE_FDS, &spare);
@@ -327,6 +339,7 @@ static enum result listen_at(struct control *control, const struct control_confi
         .ssl_private_key_filepath = paths->key,
         .timeout_secs = HANDSHAKE_S,
         .fd_limit_per_thread = (unsigned)(places + spare),
+        .retry_and_idle_policy = &no_pings,
         .vhost_name = "control",
     };
     const struct ws_server_handler handler = {
@@ -377,6 +390,7 @@ enum result control_create(const struct control_config *config,
     }
     control->registrar = registrar_create(config->authority_dir, tls_files, wake, control);
     *out_control = control; // before the thread runs: its handler may ask for it
+    on_round(&control->round);
     ws_server_start(control->server);
     return RESULT_OK;
 }

@@ -44,6 +44,7 @@ struct peer {
     int64_t ping_ns, pong_ns; // the last ones
     int64_t unanswered_ns;    // the first Ping without a Pong; 0: there is none
     int64_t their_ping_ns;    // the last Ping of the station
+    bool says_rest;           // it said so
     int64_t frame_ns;         // the last Frame that came here
     int64_t warned_s;         // that its certificate ends; 0: not yet
     int64_t tick_ns;          // when the next tick is due, once agreed
@@ -83,7 +84,8 @@ struct control {
     char *software;
     int64_t hello_timeout_ns;
     struct ws_server *server;
-    SSL_CTX *tls; // of the connections to come; libwebsockets'
+    lws_sorted_usec_list_t round; // of ticks
+    SSL_CTX *tls;                 // of the connections to come; libwebsockets'
     int connections;
     arthron_Control message; // the one being read
     arthron_MeshChunk chunk; // the one being written

@@ -8,9 +8,10 @@
 #define FAST_PINGS 10
 #define FAST_PING_NS (20 * NS_PER_MS)
 #define PING_NS NS_PER_S
-#define REST_PING_NS (4 * NS_PER_S)
-#define SILENCE_NS (5 * NS_PER_S)
-#define UNANSWERED_NS (SILENCE_NS - PING_NS / 2) // the look at it comes with a ping
+#define REST_PING_NS (20 * NS_PER_S)
+#define REST_LOOK_NS (4 * NS_PER_S)
+#define REST_HEARD_NS (10 * NS_PER_S)              // a station that rests says Ping within 8 s
+#define UNANSWERED_NS (4 * NS_PER_S + PING_NS / 2) // the look at it comes with a ping
 #define SILENCE_BESIDE_DATAGRAMS_NS (60 * NS_PER_S)
 #define RECENT_NS (2 * NS_PER_S)
 #define CLOSING_NS NS_PER_S
@@ -229,6 +230,9 @@ static void handle_ping(struct peer *peer, const arthron_Ping *ping, int64_t rec
     arthron_Control answer = {.which_message = arthron_Control_pong_tag};
     answer.message.pong = (arthron_Pong){ping->sent_ns, received_ns, clock_now_ns()};
     peer->their_ping_ns = received_ns;
+    if (peer->says_rest && !ping->rests)
+        peer->tick_ns = 0;
+    peer->says_rest = ping->rests;
     control_send_from_here(peer, &answer);
 }
 
@@ -368,23 +372,29 @@ static bool has_datagrams(const struct peer *peer, int64_t now_ns) {
            is_recent(handler->datagram_ns(handler->user, peer->handle), now_ns);
 }
 
-// The station's own pings tell that the connection lives, and its clock has no frame to place.
 static bool rests(const struct peer *peer, int64_t now_ns) {
-    return is_recent(peer->their_ping_ns, now_ns) && !is_recent(peer->frame_ns, now_ns) &&
-           !has_datagrams(peer, now_ns);
+    return peer->says_rest && now_ns - peer->their_ping_ns < REST_HEARD_NS &&
+           peer->frame_ns < peer->their_ping_ns && !has_datagrams(peer, now_ns);
 }
 
-static bool is_ping_due(const struct peer *peer, int64_t now_ns) {
-    return peer->pings < FAST_PINGS || !rests(peer, now_ns) ||
-           now_ns - peer->ping_ns > REST_PING_NS - PING_NS / 2;
+// When the next one may be due. After a rest the clock is asked for as at the beginning: it has
+// drifted.
+static int64_t ping_if_due(struct peer *peer, int64_t now_ns) {
+    int64_t since_ns = now_ns - peer->ping_ns;
+    bool is_at_rest = rests(peer, now_ns);
+    if (!is_at_rest && since_ns > REST_LOOK_NS + PING_NS)
+        peer->pings = 0;
+    if (peer->pings < FAST_PINGS || !is_at_rest || since_ns > REST_PING_NS - PING_NS / 2)
+        send_ping(peer);
+    if (peer->pings < FAST_PINGS)
+        return FAST_PING_NS;
+    return is_at_rest && !peer->unanswered_ns ? REST_LOOK_NS : PING_NS;
 }
 
 // While the station's frames come by datagram, its session lives without this connection for a
 // while.
 static bool is_silent(const struct peer *peer, int64_t now_ns) {
-    int64_t heard_ns = peer->pong_ns > peer->their_ping_ns ? peer->pong_ns : peer->their_ping_ns;
-    bool unanswered = peer->unanswered_ns && now_ns - peer->unanswered_ns > UNANSWERED_NS;
-    if (!unanswered && now_ns - heard_ns <= SILENCE_NS)
+    if (!peer->unanswered_ns || now_ns - peer->unanswered_ns <= UNANSWERED_NS)
         return false;
     return !has_datagrams(peer, now_ns) || now_ns - peer->pong_ns > SILENCE_BESIDE_DATAGRAMS_NS;
 }
@@ -414,8 +424,6 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
     }
     pass_on_late_ask(peer, now_ns);
     warn_of_certificate(peer);
-    if (is_ping_due(peer, now_ns))
-        send_ping(peer);
-    *out_next_us = (peer->pings < FAST_PINGS ? FAST_PING_NS : PING_NS) / 1000;
+    *out_next_us = ping_if_due(peer, now_ns) / 1000;
     return true;
 }

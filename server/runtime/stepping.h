@@ -6,7 +6,7 @@
 
 // Without frames, a session that runs steps so often, and more seldom while it rests.
 #define EMPTY_STEP_NS (50 * NS_PER_MS)
-#define REST_STEP_NS (5 * NS_PER_S)
+#define REST_STEP_NS (10 * NS_PER_S)
 
 // Makes a step with the input. If the input's time is before the last step's, it becomes that time.
 void step_input(struct worker *worker, struct station_runtime *station, struct session_input *input,

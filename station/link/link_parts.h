@@ -50,8 +50,11 @@ struct control_connection {
     bool markers;      // too
     bool session_open; // the server said that it takes frames
     int pings;
-    int64_t heard_ns; // the last Pong
-    size_t used;      // of incoming
+    int64_t ping_ns, heard_ns; // the last Ping, the last Pong
+    int64_t unanswered_ns;     // the first Ping without a Pong; 0: there is none
+    uint64_t frames_before;    // that were sent by the last tick
+    bool rests;                // none since then
+    size_t used;               // of incoming
     uint8_t incoming[WIRE_CHUNK_MAX];
     arthron_Control message;
     arthron_MeshChunk chunk;

@@ -87,7 +87,7 @@ class Hall:
         return wait_until(f"{room}: {what}", enough)
 
     def wait_for_silence(self, room, since):
-        """Waits for steps without a frame. A session that rests makes one in five seconds."""
+        """Waits for steps without a frame. A session that rests makes one in ten seconds."""
         self.wait_for(room, "steps without frames", lambda row: row["frame_number"] == "0", since, steps=5)
 
     # ---- what is done to it from outside

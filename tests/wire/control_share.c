@@ -12,6 +12,7 @@
 #define FAST_PINGS 10
 #define BETWEEN_NS (NS_PER_S / 4)
 #define CALLS 60
+#define CALLS_OF_4_S 16
 
 static struct test_server test_server;
 static char anna[128];
@@ -145,50 +146,58 @@ static void frames_that_come_too_fast_wait_and_none_is_lost(void **state) {
     websocket_close(socket);
 }
 
-// Asks as a station does, until its own answer comes. Returns when the server's last ping before
-// that was sent, 0: there was none, -1: the connection has ended.
-static int64_t call(struct websocket *socket, bool answers, int *pings) {
-    int64_t sent_ns = 0;
+// Pings as a station does, until its own answer comes, and counts the server's pings before that.
+// False: the connection has ended.
+static bool call(struct websocket *socket, bool rests, bool answers, int *pings) {
     uint8_t bytes[WIRE_CONTROL_MAX];
     arthron_Control message = {.which_message = arthron_Control_ping_tag};
     size_t size;
+    message.message.ping.rests = rests;
     assert_int_equal(wire_encode_control(&message, bytes, sizeof bytes, &size), RESULT_OK);
     if (!websocket_send(socket, WEBSOCKET_BINARY, true, bytes, size))
-        return -1;
+        return false;
     for (int got; (got = websocket_receive(socket, bytes, sizeof bytes)) >= 0;) {
         assert_int_equal(wire_decode_control(bytes, (size_t)got, &message, NULL), RESULT_OK);
         if (message.which_message == arthron_Control_pong_tag)
-            return sent_ns;
+            return true;
         if (message.which_message != arthron_Control_ping_tag)
             continue;
         ++*pings;
-        sent_ns = message.message.ping.sent_ns;
         message.which_message = arthron_Control_pong_tag;
         if (answers)
             tell(socket, &message);
     }
-    return -1;
+    return false;
 }
 
 static void pause_between(void) {
     nanosleep(&(struct timespec){0, BETWEEN_NS}, NULL);
 }
 
-static void a_station_that_asks_itself_is_asked_rarely_and_its_answers_are_missed(void **state) {
-    (void)state;
-    struct websocket *socket = greet(1, false);
-    int64_t last_ns = 0, sent_ns, longest_ns = 0;
-    int pings = 0, calls = 0;
-    while (pings < FAST_PINGS + 2 && calls++ < CALLS) {
-        assert_true((sent_ns = call(socket, true, &pings)) >= 0);
-        if (last_ns && sent_ns && sent_ns - last_ns > longest_ns)
-            longest_ns = sent_ns - last_ns;
-        last_ns = sent_ns ? sent_ns : last_ns;
+// The server's pings while the station calls so often.
+static int pings_of(struct websocket *socket, bool rests, int calls) {
+    int pings = 0;
+    for (; calls > 0; calls--) {
+        assert_true(call(socket, rests, true, &pings));
         pause_between();
     }
-    assert_true(longest_ns > 3 * NS_PER_S);
-    calls = 0;
-    while (call(socket, false, &pings) >= 0 && calls++ < CALLS)
+    return pings;
+}
+
+static void a_station_that_rests_is_asked_rarely_until_it_rests_no_more(void **state) {
+    (void)state;
+    struct websocket *socket = greet(1, false);
+    assert_in_range(pings_of(socket, true, CALLS_OF_4_S), FAST_PINGS, FAST_PINGS + 1);
+    assert_int_equal(pings_of(socket, true, CALLS_OF_4_S), 0);
+    assert_true(pings_of(socket, false, CALLS_OF_4_S) >= FAST_PINGS); // as at the beginning
+    websocket_close(socket);
+}
+
+static void answers_that_are_missed_end_a_connection_that_sends_pings(void **state) {
+    (void)state;
+    struct websocket *socket = greet(1, false);
+    int calls = 0, pings = 0;
+    while (call(socket, false, false, &pings) && calls++ < CALLS)
         pause_between();
     assert_in_range(calls, 1, CALLS - 1);
     websocket_close(socket);
@@ -201,7 +210,8 @@ int main(void) {
         WITH_SERVER(a_station_has_one_connection_and_one_visit),
         WITH_SERVER(whoever_asks_for_meshes_too_often_waits_and_the_last_ask_counts),
         WITH_SERVER(frames_that_come_too_fast_wait_and_none_is_lost),
-        WITH_SERVER(a_station_that_asks_itself_is_asked_rarely_and_its_answers_are_missed),
+        WITH_SERVER(a_station_that_rests_is_asked_rarely_until_it_rests_no_more),
+        WITH_SERVER(answers_that_are_missed_end_a_connection_that_sends_pings),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -201,6 +201,21 @@ static void no_frame_leaves_before_the_clock_is_known(void **state) {
     link_destroy(&link);
 }
 
+static void both_sides_ping_little_until_a_frame_ends_the_rest(void **state) {
+    (void)state;
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    sleep(3);
+    int before = atomic_load(&test_server.clocks);
+    sleep(3); // three pings of a server that does not know
+    assert_int_equal(atomic_load(&test_server.clocks), before);
+    exchange(link, &traffic);
+    assert_true(wait_for(&test_server.clocks, before + 10)); // as at the beginning
+    link_destroy(&link);
+}
+
 static void every_frame_is_answered_once_in_the_control_connection(void **state) {
     (void)state;
     struct link *link = link_to("localhost", anna);
@@ -547,6 +562,7 @@ int main(void) {
         WITH_SERVER(the_newest_attempt_is_kept),
         WITH_SERVER(both_ends_know_the_offset_of_the_clocks),
         WITH_SERVER(no_frame_leaves_before_the_clock_is_known),
+        WITH_SERVER(both_sides_ping_little_until_a_frame_ends_the_rest),
         WITH_SERVER(every_frame_is_answered_once_in_the_control_connection),
         WITH_SERVER(a_link_comes_back_when_the_server_does),
         WITH_SERVER(what_the_server_refuses_is_kept),

@@ -1,10 +1,15 @@
 #include "runtime/markers.h"
 
 #include "base/clock.h"
+#include "runtime/attempts.h"
 #include "runtime/stepping.h"
+
+#include <string.h>
 
 #define MARKERS_HZ 20
 #define MARKERS_BURST 256
+#define DONE "done" // the name of the marker of the pedal that ends a trainee's attempt
+#define DONE_HELD_NS NS_PER_S
 #define AHEAD_NS NS_PER_S // a time of the future that is no error of the clocks
 
 void markers_join(struct station_runtime *station) {
@@ -73,6 +78,19 @@ static bool tell(struct worker *worker, struct station_runtime *station) {
     return true;
 }
 
+static void hear_done(struct marking *m, const struct marker *marker) {
+    if (!strcmp(marker->name, DONE))
+        m->done_ns = marker->value != 0 ? clock_now_ns() : 0;
+}
+
+static void leave_if_held(struct worker *worker, struct station_runtime *station) {
+    struct marking *m = &station->marking;
+    if (!m->done_ns || clock_now_ns() - m->done_ns < DONE_HELD_NS)
+        return;
+    m->done_ns = 0;
+    attempts_leave_practice(worker, station);
+}
+
 // False: it has to be held.
 static bool take(struct station_runtime *station, const struct station_marker *next) {
     struct marking *m = &station->marking;
@@ -85,6 +103,7 @@ static bool take(struct station_runtime *station, const struct station_marker *n
                           station->session->ahead_ns;
         if (!record(station, &marker))
             return false;
+        hear_done(m, &marker);
         m->run = marker.run;
         m->number = marker.number;
         m->position = trace_position(station->session->trace);
@@ -103,6 +122,7 @@ static bool next_one(struct station_runtime *station) {
 void markers_take(struct worker *worker, struct station_runtime *station) {
     struct marking *m = &station->marking;
     acknowledge(worker, station);
+    leave_if_held(worker, station);
     while (tell(worker, station) && next_one(station)) {
         if (!bucket_take(&m->rate, MARKERS_HZ, MARKERS_BURST, clock_now_ns()) ||
             !take(station, &m->held))

@@ -51,7 +51,8 @@ struct marking {
     uint64_t position;    // behind it in the session's trace
     bool tells;           // `recorded` is still to be told
     struct session_marker recorded;
-    bool owes; // its acknowledgement
+    bool owes;       // its acknowledgement
+    int64_t done_ns; // since when the pedal that ends an attempt is held; 0: it is not
 };
 
 struct station_runtime {

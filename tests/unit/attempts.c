@@ -377,6 +377,41 @@ static void who_trains_may_practise_in_an_own_session_alone(void **state) {
     sessions_destroy(&sessions);
 }
 
+static bool runs(struct sessions *sessions) {
+    return shown(sessions).end == arthron_AttemptState_End_RUNS;
+}
+
+static void a_pedal_that_is_held_ends_practice(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    hall_press(sessions, 1, "done", true); // and held from before
+    hall_wait_ms(100);
+    begin_task(sessions, "late");
+    hall_wait_ms(1500);
+    assert_true(runs(sessions));
+    hall_press(sessions, 2, "done", true);
+    hall_press(sessions, 3, "start", true);
+    hall_wait_ms(300);
+    hall_press(sessions, 4, "done", false); // too soon
+    hall_wait_ms(1500);
+    assert_true(runs(sessions));
+    hall_press(sessions, 5, "done", true);
+    assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
+    assert_int_equal(judge_all(sessions, 1)->all[0].attempt.end, ATTEMPT_LEFT);
+    sessions_destroy(&sessions);
+}
+
+static void a_pedal_ends_no_exam(void **state) {
+    (void)state;
+    struct sessions *sessions = begin();
+    begin_task(sessions, "late");
+    sessions->runtime->stations[0].session->attempt->purpose = ATTEMPT_EXAM;
+    hall_press(sessions, 1, "done", true);
+    hall_wait_ms(1500);
+    assert_true(runs(sessions));
+    sessions_destroy(&sessions);
+}
+
 static void a_copy_has_none_of_them(void **state) {
     (void)state;
     struct sessions *sessions = begin();
@@ -431,6 +466,8 @@ int main(void) {
         cmocka_unit_test(a_trainee_takes_a_station_that_is_free),
         cmocka_unit_test(an_exam_needs_records),
         cmocka_unit_test(who_trains_may_practise_in_an_own_session_alone),
+        cmocka_unit_test(a_pedal_that_is_held_ends_practice),
+        cmocka_unit_test(a_pedal_ends_no_exam),
         cmocka_unit_test(a_copy_has_none_of_them),
         cmocka_unit_test(an_exam_is_withheld_and_practice_is_not),
     };

@@ -134,6 +134,13 @@ void hall_mark(struct sessions *sessions, uint64_t number, int64_t time_ns) {
     station_handler(sessions).on_message(sessions, nobody, &message);
 }
 
+void hall_press(struct sessions *sessions, uint64_t number, const char *name, bool down) {
+    arthron_Control message = {.which_message = arthron_Control_marker_tag,
+                               .message.marker = {number, clock_now_ns(), "", "pedal", down}};
+    snprintf(message.message.marker.name, sizeof message.message.marker.name, "%s", name);
+    station_handler(sessions).on_message(sessions, nobody, &message);
+}
+
 struct station_status hall_status(struct sessions *sessions) {
     struct station_status status;
     sessions_status(sessions, 0, &status);

@@ -25,6 +25,7 @@ void hall_frame(struct sessions *sessions, vec3 tip);
 
 // A marker of the station, by its clock, which is ours.
 void hall_mark(struct sessions *sessions, uint64_t number, int64_t time_ns);
+void hall_press(struct sessions *sessions, uint64_t number, const char *name, bool down); // now
 
 // Cuts the meniscus with a running burr, from one share of its length to another.
 void hall_shave_part(struct sessions *sessions, double from, double to);

@@ -1,6 +1,7 @@
 #include "mesh/cluster.h"
 
 #include "base/check.h"
+#include "mesh/eights.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -59,90 +60,12 @@ static void fill_lane(struct cluster *cluster, int lane, const struct mesh *mesh
     cluster->inv_bc[lane] = (float)inverse((c_x - b_x) * (c_x - b_x) + c_y * c_y);
 }
 
-struct placed {
-    float at; // along the axis that is looked at
-    uint32_t triangle;
-};
-
 static void fill_cluster(struct cluster *cluster, const struct mesh *mesh,
-                         const struct placed *placed, uint32_t count) {
+                         const struct eights_item *items, uint32_t count) {
     for (uint32_t i = 0; i < CLUSTER_SIZE; i++) {
-        cluster->triangles[i] = placed[i < count ? i : count - 1].triangle;
+        cluster->triangles[i] = items[i < count ? i : count - 1].number;
         fill_lane(cluster, (int)i, mesh, cluster->triangles[i]);
     }
-}
-
-struct splitter {
-    const struct mesh *mesh;
-    const float *middles; // 3 for each triangle
-    struct cluster *clusters;
-    uint32_t count;
-    uint32_t random; // pivots are drawn: rows of equal or sorted triangles take no longer
-};
-
-static int widest_axis(const struct splitter *s, const struct placed *placed, uint32_t count) {
-    float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
-    for (uint32_t i = 0; i < count; i++)
-        for (int axis = 0; axis < 3; axis++) {
-            float value = s->middles[3 * (size_t)placed[i].triangle + (size_t)axis];
-            low[axis] = fminf(low[axis], value);
-            high[axis] = fmaxf(high[axis], value);
-        }
-    int widest = 0;
-    for (int axis = 1; axis < 3; axis++)
-        if (high[axis] - low[axis] > high[widest] - low[widest])
-            widest = axis;
-    return widest;
-}
-
-static bool is_before(struct placed a, struct placed b) {
-    return a.at != b.at ? a.at < b.at : a.triangle < b.triangle;
-}
-
-static void exchange(struct placed *a, struct placed *b) {
-    struct placed kept = *a;
-    *a = *b;
-    *b = kept;
-}
-
-// Brings the `left` first of them to the front (Hoare 1961).
-static void part(struct splitter *s, struct placed *placed, uint32_t count, uint32_t left) {
-    uint32_t from = 0, to = count; // the first of the others lies there
-    while (to - from > 1) {
-        s->random = s->random * 1664525 + 1013904223;
-        exchange(&placed[from + s->random % (to - from)], &placed[to - 1]);
-        uint32_t before = from;
-        for (uint32_t i = from; i + 1 < to; i++)
-            if (is_before(placed[i], placed[to - 1]))
-                exchange(&placed[i], &placed[before++]);
-        exchange(&placed[before], &placed[to - 1]);
-        if (before == left)
-            return;
-        *(before < left ? &from : &to) = before < left ? before + 1 : before;
-    }
-}
-
-// What is left of a half so that all before it fill their boxes.
-static uint32_t left_of(uint32_t count) {
-    uint64_t size = CLUSTER_SIZE;
-    while (size * CLUSTER_SIZE < count)
-        size *= CLUSTER_SIZE;
-    return (uint32_t)((count + size - 1) / size / 2 * size);
-}
-
-// Halves along the widest axis.
-static void split(struct splitter *s, struct placed *placed, uint32_t count) {
-    if (count <= CLUSTER_SIZE) {
-        fill_cluster(&s->clusters[s->count++], s->mesh, placed, count);
-        return;
-    }
-    int axis = widest_axis(s, placed, count);
-    for (uint32_t i = 0; i < count; i++)
-        placed[i].at = s->middles[3 * (size_t)placed[i].triangle + (size_t)axis];
-    uint32_t left = left_of(count);
-    part(s, placed, count, left);
-    split(s, placed, left);
-    split(s, placed + left, count - left);
 }
 
 static float *triangle_middles(const struct mesh *mesh) {
@@ -162,17 +85,19 @@ static uint32_t eighth(uint32_t count) {
 }
 
 static void make_clusters(struct cluster_tree *tree, const struct mesh *mesh) {
-    struct placed *placed = alloc(mesh->triangle_count, sizeof *placed);
+    uint32_t count = mesh->triangle_count;
+    struct eights_item *items = alloc(count, sizeof *items);
     float *middles = triangle_middles(mesh);
-    for (uint32_t t = 0; t < mesh->triangle_count; t++)
-        placed[t].triangle = t;
-    tree->counts[0] = eighth(mesh->triangle_count);
+    eights_order(middles, count, items);
+    tree->counts[0] = eighth(count);
     tree->clusters = alloc_aligned(64, tree->counts[0] * sizeof *tree->clusters);
-    struct splitter splitter = {mesh, middles, tree->clusters, 0, 1};
-    split(&splitter, placed, mesh->triangle_count);
-    CHECK(splitter.count == tree->counts[0]);
+    for (uint32_t i = 0; i < tree->counts[0]; i++) {
+        uint32_t first = i * CLUSTER_SIZE, left = count - first;
+        fill_cluster(&tree->clusters[i], mesh, items + first,
+                     left < CLUSTER_SIZE ? left : CLUSTER_SIZE);
+    }
     free(middles);
-    free(placed);
+    free(items);
 }
 
 // ---- boxes ----

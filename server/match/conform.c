@@ -38,6 +38,10 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->diagonal, count);
     NEW(c->inverse, count);
     NEW(c->bending, count);
+    NEW(c->diagonal_columns, count);
+    NEW(c->inverse_columns, count);
+    NEW(c->bending_columns, count);
+    NEW(c->solution, count);
     NEW(c->gradient, count);
     NEW(c->step, count);
     NEW(c->along, count);
@@ -80,15 +84,55 @@ void conform_destroy(struct conform **conform) {
     struct conform *c = *conform;
     if (!c)
         return;
-    void *const arrays[] = {
-        c->positions, c->dirty,    c->dirty_before, c->before,         c->sound,     c->kept,
-        c->factor,    c->normals,  c->slot,         c->trust,          c->bend,      c->reach,
-        c->ring,      c->tied,     c->active,       c->changed,        c->queue,     c->first,
-        c->columns,   c->blocks,   c->diagonal,     c->inverse,        c->bending,   c->gradient,
-        c->step,      c->along,    c->residual,     c->preconditioned, c->direction, c->product,
-        c->bent,      c->live_of,  c->live,         c->near,           c->pulls,     c->rows,
-        c->samples,   c->contacts, c->laid,         c->laid_before,    c->moves,     c->beside,
-        c->self_of};
+    void *const arrays[] = {c->positions,
+                            c->dirty,
+                            c->dirty_before,
+                            c->before,
+                            c->sound,
+                            c->kept,
+                            c->factor,
+                            c->normals,
+                            c->slot,
+                            c->trust,
+                            c->bend,
+                            c->reach,
+                            c->ring,
+                            c->tied,
+                            c->active,
+                            c->changed,
+                            c->queue,
+                            c->first,
+                            c->columns,
+                            c->blocks,
+                            c->diagonal,
+                            c->inverse,
+                            c->bending,
+                            c->gradient,
+                            c->step,
+                            c->along,
+                            c->residual,
+                            c->preconditioned,
+                            c->direction,
+                            c->product,
+                            c->bent,
+                            c->live_of,
+                            c->live,
+                            c->near,
+                            c->pulls,
+                            c->rows,
+                            c->samples,
+                            c->contacts,
+                            c->laid,
+                            c->laid_before,
+                            c->moves,
+                            c->beside,
+                            c->self_of,
+                            c->solution,
+                            c->block_columns,
+                            c->diagonal_columns,
+                            c->inverse_columns,
+                            c->bending_columns,
+                            c->across};
     for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
         free(arrays[i]);
     soup_fini(&c->target);

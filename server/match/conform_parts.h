@@ -32,6 +32,13 @@ static inline vec3 sym3_apply(struct sym3 m, vec3 v) {
                   m.xz * v.x + m.yz * v.y + m.zz * v.z};
 }
 
+// x, y, z, 0: one register of four doubles, where there are such.
+typedef double quad __attribute__((vector_size(32), aligned(8)));
+
+struct columns3 {
+    quad of[3];
+};
+
 // A point of S'' on a live triangle, and what it was last closest to in T.
 struct pull {
     uint32_t target; // index in T's soup, or MESH_NONE
@@ -100,7 +107,9 @@ struct conform {
     vec3 origin;              // of volumes
     struct soup target, self; // T without films, S'' near it
     struct soup whole_target; // T with films
-    uint32_t *queue;          // scratch, a vertex each
+    uint32_t *across;         // of whole_target, what may make a triangle a film
+    uint32_t across_count, across_room;
+    uint32_t *queue; // scratch, a vertex each
 
     struct pull *pulls; // PULLS_PER_TRIANGLE for each live triangle
     struct sample *samples;
@@ -110,7 +119,10 @@ struct conform {
     // The system: by active vertex, then by the sides of its fan.
     uint32_t *first, *columns; // columns: slots, or MESH_NONE
     struct sym3 *blocks, *diagonal, *inverse, *bending;
-    vec3 *gradient, *step, *along, *residual, *preconditioned, *direction, *product, *bent;
+    vec3 *gradient, *step, *along, *bent;
+    // Of conjugate gradients, by the same:
+    struct columns3 *block_columns, *diagonal_columns, *inverse_columns, *bending_columns;
+    quad *solution, *residual, *preconditioned, *direction, *product;
     uint32_t block_room;
     struct triangle_rows *rows; // by live triangle
 };
@@ -142,7 +154,7 @@ void conform_find_rows(struct conform *c, double stiffness); // the system's mat
 void conform_find_contacts(struct conform *c);
 void conform_limit(struct conform *c, vec3 *step); // 1 mm, and no tissue closed up
 
-// ---- the system: conform_solve.c ----
+// ---- the system: conform_solve.c, conform_gradients.h ----
 void conform_begin_system(struct conform *c);
 void conform_clear_system(struct conform *c);
 void conform_add_rows(struct conform *c);

@@ -8,15 +8,14 @@
 #define TANGENTIAL 0.04
 #define FULL 0.005
 #define DIAGONAL 1e-4
-#define ITERATIONS_MAX 40
-#define ENERGY 1e-8
 
 void conform_begin_system(struct conform *c) {
     c->first[0] = 0;
     for (uint32_t i = 0; i < c->active_count; i++)
         c->first[i + 1] = c->first[i] + conform_degree(c, c->active[i]);
-    uint32_t count = c->first[c->active_count], room = c->block_room;
+    uint32_t count = c->first[c->active_count], room = c->block_room, again = room;
     room_for(&c->blocks, &room, count);
+    room_for(&c->block_columns, &again, count);
     room_for(&c->columns, &c->block_room, count);
     for (uint32_t i = 0; i < c->active_count; i++)
         for (uint32_t k = 0; k < conform_degree(c, c->active[i]); k++) {
@@ -133,92 +132,4 @@ void conform_add_smoothing(struct conform *c, double stiffness) {
         add_bending(c, i);
     for (uint32_t i = 0; i < c->active_count; i++)
         c->inverse[i] = inverse(c->diagonal[i]);
-}
-
-// ---- conjugate gradients ------------------------------------------------------------------------
-
-// The diagonal has the contacts' and the smoothing's own part already.
-static void multiply_contacts(const struct conform *c, const vec3 *x, vec3 *out) {
-    for (uint32_t k = 0; k < c->contact_count; k++) {
-        const struct contact *contact = &c->contacts[k];
-        double at[6], sum = 0;
-        for (int i = 0; i < 6; i++) {
-            uint32_t slot = contact->slots[i];
-            at[i] = slot == MESH_NONE ? 0 : contact->shares[i] * vec3_dot(contact->normal, x[slot]);
-            sum += at[i];
-        }
-        for (int i = 0; i < 6; i++)
-            if (contact->slots[i] != MESH_NONE)
-                out[contact->slots[i]] = vec3_add_scaled(
-                    out[contact->slots[i]], contact->weight * contact->shares[i] * (sum - at[i]),
-                    contact->normal);
-    }
-}
-
-static void multiply_bending(const struct conform *c, const vec3 *x, vec3 *out) {
-    for (uint32_t i = 0; i < c->active_count; i++) {
-        uint32_t degree = c->first[i + 1] - c->first[i];
-        double share = 1.0 / degree;
-        vec3 others = {0};
-        for (uint32_t k = c->first[i]; k < c->first[i + 1]; k++)
-            if (c->columns[k] != MESH_NONE)
-                others = vec3_add(others, x[c->columns[k]]);
-        vec3 pull = sym3_apply(c->bending[i], vec3_add_scaled(x[i], -share, others));
-        out[i] = vec3_sub(out[i], sym3_apply(c->bending[i], vec3_scale(share, others)));
-        for (uint32_t k = c->first[i]; k < c->first[i + 1]; k++)
-            if (c->columns[k] != MESH_NONE) {
-                uint32_t j = c->columns[k];
-                vec3 own = sym3_apply(c->bending[i], vec3_scale(share * share, x[j]));
-                out[j] = vec3_sub(vec3_add_scaled(out[j], -share, pull), own);
-            }
-    }
-}
-
-static void multiply(const struct conform *c, const vec3 *x, vec3 *out) {
-    for (uint32_t i = 0; i < c->active_count; i++) {
-        vec3 sum = sym3_apply(c->diagonal[i], x[i]);
-        for (uint32_t k = c->first[i]; k < c->first[i + 1]; k++)
-            if (c->columns[k] != MESH_NONE)
-                sum = vec3_add(sum, sym3_apply(c->blocks[k], x[c->columns[k]]));
-        out[i] = sum;
-    }
-    multiply_contacts(c, x, out);
-    multiply_bending(c, x, out);
-}
-
-static double dot(const vec3 *a, const vec3 *b, uint32_t count) {
-    double sum = 0;
-    for (uint32_t i = 0; i < count; i++)
-        sum += vec3_dot(a[i], b[i]);
-    return sum;
-}
-
-static double precondition(struct conform *c) {
-    for (uint32_t i = 0; i < c->active_count; i++)
-        c->preconditioned[i] = sym3_apply(c->inverse[i], c->residual[i]);
-    return dot(c->residual, c->preconditioned, c->active_count);
-}
-
-void conform_solve(struct conform *c, const vec3 *right, vec3 *out) {
-    uint32_t count = c->active_count;
-    memset(out, 0, count * sizeof *out);
-    memcpy(c->residual, right, count * sizeof *right);
-    double energy = precondition(c), start = energy;
-    memcpy(c->direction, c->preconditioned, count * sizeof *c->direction);
-    for (int i = 0; i < ITERATIONS_MAX && energy > ENERGY * start; i++) {
-        multiply(c, c->direction, c->product);
-        double curvature = dot(c->direction, c->product, count);
-        if (!(curvature > 0))
-            break;
-        double step = energy / curvature;
-        for (uint32_t k = 0; k < count; k++) {
-            out[k] = vec3_add_scaled(out[k], step, c->direction[k]);
-            c->residual[k] = vec3_add_scaled(c->residual[k], -step, c->product[k]);
-        }
-        double before = energy;
-        energy = precondition(c);
-        for (uint32_t k = 0; k < count; k++)
-            c->direction[k] =
-                vec3_add_scaled(c->preconditioned[k], energy / before, c->direction[k]);
-    }
 }

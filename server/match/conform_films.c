@@ -1,5 +1,6 @@
 // Films: T where another side of it lies close behind.
 #include "match/conform_parts.h"
+#include "match/room.h"
 
 #define FILM_MM 0.15
 #define AGAINST 0.3 // −N·N' of the two sides, at least
@@ -16,11 +17,19 @@ static vec3 point_in(const vec3 c[3], int which) {
 static bool is_film_at(struct conform *c, vec3 p, vec3 normal) {
     struct soup_search search = {p, vec3_scale(-1, normal), AGAINST, FILM_MM, MESH_NONE};
     struct soup_closest closest;
-    return soup_closest(&c->whole_target, &search, &closest) &&
+    return soup_closest_among(&c->whole_target, &search, c->across, c->across_count, &closest) &&
            vec3_dot(normal, vec3_sub(closest.point, p)) <= 0;
 }
 
-static bool may_be_film(const struct conform *c, const vec3 p[3], vec3 normal) {
+static void note_across(void *context, uint32_t index) {
+    struct conform *c = context;
+    room_for(&c->across, &c->across_room, c->across_count + 1);
+    c->across[c->across_count++] = index;
+}
+
+// All that points of it may be film with.
+static void find_across(struct conform *c, const struct soup_triangle *of) {
+    const vec3 *p = of->corners;
     vec3 by = {FILM_MM, FILM_MM, FILM_MM};
     struct box box = {{lower(p[0].x, lower(p[1].x, p[2].x)), lower(p[0].y, lower(p[1].y, p[2].y)),
                        lower(p[0].z, lower(p[1].z, p[2].z))},
@@ -28,15 +37,14 @@ static bool may_be_film(const struct conform *c, const vec3 p[3], vec3 normal) {
                        higher(p[0].y, higher(p[1].y, p[2].y)),
                        higher(p[0].z, higher(p[1].z, p[2].z))}};
     box = (struct box){vec3_sub(box.min, by), vec3_add(box.max, by)};
-    return soup_may_face(&c->whole_target, box, vec3_scale(-1, normal), AGAINST);
+    c->across_count = 0;
+    soup_near_facing(&c->whole_target, box, vec3_scale(-1, of->normal), AGAINST, note_across, c);
 }
 
 // Of four points those that are film. Counting ends where it is known to be 2 or more or not, or,
 // of a triangle that may be split, where some are film and some are not.
 static int film_points(struct conform *c, const vec3 corners[3], vec3 normal, int splits) {
     int count = 0;
-    if (!may_be_film(c, corners, normal))
-        return 0;
     bool known = false;
     for (int i = 0; i < 4 && !known; i++) {
         count += is_film_at(c, point_in(corners, i), normal);
@@ -69,7 +77,11 @@ void conform_leave_out_films(struct conform *c) {
     soup_clear(&c->target);
     for (uint32_t i = 0; i < c->whole_target.count; i++) {
         const struct soup_triangle *t = &c->whole_target.at[i];
-        add_without_films(c, t->corners, t, 2);
+        find_across(c, t);
+        if (!c->across_count)
+            soup_add(&c->target, t->corners, t->id, t->mark);
+        else
+            add_without_films(c, t->corners, t, 2);
     }
     soup_build(&c->target);
 }

@@ -13,6 +13,7 @@
 #define DIRTY_CUTS 3
 #define LEAST_FACING -0.3
 #define ANY_FACING -2.0
+#define SLACK_MM 1e-9 // more than distances are rounded
 
 // ---- the neighbourhood --------------------------------------------------------------------------
 
@@ -160,31 +161,37 @@ static void choose_beside(struct conform *c) {
     }
 }
 
+// self holds what is near, in this order.
+static void mark_live(struct conform *c) {
+    for (uint32_t i = 0; i < c->near_count; i++) {
+        uint32_t live = c->live_of[c->near[i]];
+        c->self.at[i].mark = live != MESH_NONE;
+        if (live != MESH_NONE)
+            c->self_of[live] = i;
+    }
+    choose_beside(c);
+}
+
 static void make_all(struct conform *c) {
     soup_clear(&c->self);
     for (uint32_t i = 0; i < c->near_count; i++) {
         vec3 corners[3];
-        uint32_t live = c->live_of[c->near[i]];
         conform_corners(c, c->near[i], corners);
-        if (live != MESH_NONE)
-            c->self_of[live] = i;
-        soup_add(&c->self, corners, c->near[i], live != MESH_NONE);
+        soup_add(&c->self, corners, c->near[i], false);
     }
     soup_build(&c->self);
     find_normals(c, c->near, c->near_count, NULL);
-    choose_beside(c);
+    mark_live(c);
     c->is_made = true;
 }
 
 static void move_live(struct conform *c) {
-    bool stayed = true;
     for (uint32_t i = 0; i < c->live_count; i++) {
         vec3 corners[3];
         conform_corners(c, c->live[i], corners);
-        stayed &= soup_move(&c->self, c->self_of[i], corners);
+        soup_move(&c->self, c->self_of[i], corners);
     }
-    if (!stayed)
-        soup_build(&c->self);
+    soup_settle(&c->self);
     find_normals(c, c->beside, c->beside_count, c->moves);
 }
 
@@ -196,6 +203,7 @@ void conform_make_self(struct conform *c) {
 
 struct seeding {
     struct conform *c;
+    struct box fresh; // of T, around what the cut made
     uint32_t queued;
     uint32_t hint; // of T, where the last one was
 };
@@ -210,14 +218,32 @@ static void seed(struct seeding *s, uint32_t vertex) {
     c->ring[vertex] = 0;
 }
 
-// Whether a point of S'' is off T where the cut, or an earlier one, left something to do.
-static bool is_off(struct conform *c, vec3 p, vec3 normal, bool dirty, uint32_t *hint) {
-    struct soup_search search = {p, normal, LEAST_FACING, SEARCH_MM, *hint};
+static double off_box(struct box box, vec3 p) {
+    vec3 off = {higher(0, higher(box.min.x - p.x, p.x - box.max.x)),
+                higher(0, higher(box.min.y - p.y, p.y - box.max.y)),
+                higher(0, higher(box.min.z - p.z, p.z - box.max.z))};
+    return vec3_length(off);
+}
+
+// What is closer to the last triangle found than to all that is fresh is closest to no fresh one.
+static bool is_far_from_fresh(const struct seeding *s, vec3 p, vec3 normal) {
+    const struct soup *target = &s->c->target;
     struct soup_closest closest;
-    if (!soup_closest(&c->target, &search, &closest))
+    if (s->hint == MESH_NONE || vec3_dot(normal, target->at[s->hint].normal) < LEAST_FACING)
         return false;
-    *hint = closest.index;
-    return (c->target.at[closest.index].mark && closest.distance > OFF_FRESH_MM) ||
+    soup_closest_on(target, s->hint, p, &closest);
+    return closest.distance < SEARCH_MM && closest.distance + SLACK_MM < off_box(s->fresh, p);
+}
+
+// Whether a point of S'' is off T where the cut, or an earlier one, left something to do.
+static bool is_off(struct seeding *s, vec3 p, vec3 normal, bool dirty) {
+    const struct soup *target = &s->c->target;
+    struct soup_search search = {p, normal, LEAST_FACING, SEARCH_MM, s->hint};
+    struct soup_closest closest;
+    if ((!dirty && is_far_from_fresh(s, p, normal)) || !soup_closest(target, &search, &closest))
+        return false;
+    s->hint = closest.index;
+    return (target->at[closest.index].mark && closest.distance > OFF_FRESH_MM) ||
            (dirty && closest.distance > OFF_DIRTY_MM);
 }
 
@@ -226,13 +252,13 @@ static void seed_triangle(struct seeding *s, const struct soup_triangle *t) {
     const uint32_t *v = c->surface->triangles + 3 * (size_t)t->id;
     bool dirty = c->dirty[v[0]] || c->dirty[v[1]] || c->dirty[v[2]];
     vec3 middle = vec3_add(t->corners[0], vec3_add(t->corners[1], t->corners[2]));
-    if (is_off(c, vec3_scale(1.0 / 3, middle), t->normal, dirty, &s->hint))
+    if (is_off(s, vec3_scale(1.0 / 3, middle), t->normal, dirty))
         for (int i = 0; i < 3; i++)
             seed(s, v[i]);
     for (int i = 0; i < 3; i++)
         if (!c->slot[v[i]]) { // not yet looked at
             c->slot[v[i]] = 1;
-            if (is_off(c, t->corners[i], c->normals[v[i]], c->dirty[v[i]], &s->hint))
+            if (is_off(s, t->corners[i], c->normals[v[i]], c->dirty[v[i]]))
                 seed(s, v[i]);
         }
 }
@@ -268,8 +294,16 @@ static void reach_from(struct seeding *s, uint32_t vertex) {
     }
 }
 
+static struct box fresh_box(const struct soup *target) {
+    struct box box = empty_box();
+    for (uint32_t t = 0; t < target->count; t++)
+        for (int i = 0; target->at[t].mark && i < 3; i++)
+            extend(&box, target->at[t].corners[i]);
+    return box;
+}
+
 void conform_seed(struct conform *c) {
-    struct seeding s = {c, 0, MESH_NONE};
+    struct seeding s = {c, fresh_box(&c->target), 0, MESH_NONE};
     uint32_t count = c->surface->vertex_count;
     for (uint32_t v = 0; v < count; v++) {
         c->reach[v] = INFINITY;
@@ -307,7 +341,6 @@ void conform_activate(struct conform *c) {
         }
     c->active_count = count;
     c->live_count = 0;
-    c->is_made = false;
     for (uint32_t i = 0; i < c->near_count; i++) {
         const uint32_t *v = c->surface->triangles + 3 * (size_t)c->near[i];
         if (c->slot[v[0]] == MESH_NONE && c->slot[v[1]] == MESH_NONE && c->slot[v[2]] == MESH_NONE)
@@ -315,4 +348,6 @@ void conform_activate(struct conform *c) {
         c->live_of[c->near[i]] = c->live_count;
         c->live[c->live_count++] = c->near[i];
     }
+    if (c->is_made)
+        mark_live(c);
 }

@@ -1,7 +1,8 @@
-// Triangles of a neighbourhood in a uniform grid: which is closest to a point, which are near a
+// Triangles of a neighbourhood in a tree of boxes: which is closest to a point, which are near a
 // box. Of triangles at equal distance the one added first counts. Millimetres.
 #pragma once
 
+#include "mesh/eights.h"
 #include "mesh/mesh.h"
 
 // As fmin and fmax of numbers, without a call.
@@ -20,39 +21,36 @@ struct soup_triangle {
     bool mark;   // the caller's
 };
 
-// What a search asks first of a triangle, in one line of the cache.
-struct soup_bound {
-    vec3 normal;           // NaN where the triangle is never the closest
-    double offset;         // of its plane
-    float low[3], high[3]; // its box, or a hair more
-    uint32_t stamp;        // of the last search that has seen it
+// The plane of a triangle: what a search asks first.
+struct soup_plane {
+    vec3 normal; // NaN where the triangle is never the closest
+    double offset;
 };
 
-// A face says through which one of a cube around it a normal looks.
-struct soup_entry {
-    uint32_t triangle;
-    uint8_t face;
+// Eight boxes around triangles or around other eights, from the soup's origin on.
+struct soup_boxes {
+    float middle[3][EIGHT], half[3][EIGHT];
+    int32_t faces[EIGHT]; // of a cube around them, those that normals look through; 0: no box
 };
 
-struct soup_cells {
-    uint16_t low[3], high[3];
-};
+#define SOUP_LEVELS_MAX 10 // 8^10 triangles
 
-// Zeroed: empty. Memory is kept from one use to the next.
+// Zeroed: empty. Memory is kept from one use to the next. Box i of a level, in block i/8 of it,
+// holds boxes 8i to 8i + 7 of the level below; those of level 0 hold one triangle each. The top
+// level has one block.
 struct soup {
     struct soup_triangle *at;
     uint32_t count, room;
+    struct soup_plane *planes; // by triangle
+    uint32_t *lanes;           // by triangle: its box of level 0
+    struct eights_item *order; // by box of level 0: its triangle
+    struct soup_boxes *blocks; // of level 0 first
+    float *middles;            // scratch of soup_build
+    uint32_t plane_room, lane_room, order_room, block_room, middle_room;
     vec3 origin;
-    double cell, per_mm; // a cell's side, and cells in a mm
-    int size[3];
-    uint32_t *first, first_room; // of a cell's entries
-    uint8_t *faces;              // of a cell: those of its entries
-    struct soup_entry *entries;
-    uint32_t entry_room, face_room;
-    struct soup_bound *bounds; // by triangle, as what follows
-    struct soup_cells *cells;
-    struct box *rooms; // a marked triangle lies in its cells while its box is in this
-    uint32_t bound_room, cell_room, room_room, stamp;
+    double reach; // largest coordinate from it: what single precision is relative to
+    int level_count;
+    uint32_t starts[SOUP_LEVELS_MAX], counts[SOUP_LEVELS_MAX]; // first block, boxes of a level
 };
 
 void soup_fini(struct soup *soup);
@@ -60,8 +58,9 @@ void soup_clear(struct soup *soup);
 // A triangle without area is near what it is near, but never the closest.
 void soup_add(struct soup *soup, const vec3 corners[3], uint32_t id, bool mark);
 void soup_build(struct soup *soup); // to be called after the last one was added
-// Puts a marked triangle elsewhere. False: it has left its cells, and soup_build is due.
-bool soup_move(struct soup *soup, uint32_t index, const vec3 corners[3]);
+// Puts a triangle elsewhere. After the last one soup_settle is due.
+void soup_move(struct soup *soup, uint32_t index, const vec3 corners[3]);
+void soup_settle(struct soup *soup);
 
 // Twice the area as a vector.
 static inline vec3 soup_area2(const vec3 c[3]) {
@@ -84,12 +83,17 @@ struct soup_closest {
     bool on_face; // neither on an edge nor in a corner
 };
 
-bool soup_closest(struct soup *soup, const struct soup_search *search, struct soup_closest *out);
+bool soup_closest(const struct soup *soup, const struct soup_search *search,
+                  struct soup_closest *out);
 void soup_closest_on(const struct soup *soup, uint32_t index, vec3 point, struct soup_closest *out);
 
-// False only where no triangle near the box has facing · normal >= least. The soup is not empty.
-bool soup_may_face(const struct soup *soup, struct box box, vec3 facing, double least);
+// The same among some triangles; their order makes no difference.
+bool soup_closest_among(const struct soup *soup, const struct soup_search *search,
+                        const uint32_t *indices, uint32_t count, struct soup_closest *out);
 
-// Calls visit for each triangle whose cells meet the box, each once.
-void soup_near(struct soup *soup, struct box box, void (*visit)(void *context, uint32_t index),
-               void *context);
+// Calls visit once for each triangle whose box meets the box, and for some beside it.
+void soup_near(const struct soup *soup, struct box box,
+               void (*visit)(void *context, uint32_t index), void *context);
+// The same for those with facing · normal >= least, which have an area.
+void soup_near_facing(const struct soup *soup, struct box box, vec3 facing, double least,
+                      void (*visit)(void *context, uint32_t index), void *context);

@@ -1,0 +1,305 @@
+// Searches in a soup.
+#include "match/soup.h"
+
+#include <float.h>
+#include <string.h>
+
+#define SLACK_MM 1e-9 // more than sums of lengths are rounded
+
+// The faces through which a normal may look that has facing · normal >= least: with n.z the
+// largest, facing · n <= facing.z + |facing.x| + |facing.y|, or less than 0.
+static int32_t faces_towards(vec3 facing, double least) {
+    const double *f = &facing.x, sum = fabs(f[0]) + fabs(f[1]) + fabs(f[2]);
+    int32_t faces = 0;
+    if (least <= 0)
+        return INT32_MAX;
+    for (int i = 0; i < 3; i++) {
+        faces |= (int32_t)(sum - fabs(f[i]) + f[i] > least - SLACK_MM) << 2 * i;
+        faces |= (int32_t)(sum - fabs(f[i]) - f[i] > least - SLACK_MM) << (2 * i + 1);
+    }
+    return faces;
+}
+
+static void at_weights(const vec3 c[3], double u, double v, bool on_face,
+                       struct soup_closest *out) {
+    out->weights[0] = 1 - u - v;
+    out->weights[1] = u;
+    out->weights[2] = v;
+    out->on_face = on_face;
+    out->point =
+        vec3_add_scaled(vec3_add_scaled(c[0], u, vec3_sub(c[1], c[0])), v, vec3_sub(c[2], c[0]));
+}
+
+// By the regions of Voronoi (Ericson, Real-Time Collision Detection, 5.1.5).
+static void closest_weights(const vec3 c[3], vec3 p, struct soup_closest *out) {
+    vec3 ab = vec3_sub(c[1], c[0]), ac = vec3_sub(c[2], c[0]);
+    vec3 ap = vec3_sub(p, c[0]), bp = vec3_sub(p, c[1]), cp = vec3_sub(p, c[2]);
+    double d1 = vec3_dot(ab, ap), d2 = vec3_dot(ac, ap), d3 = vec3_dot(ab, bp);
+    double d4 = vec3_dot(ac, bp), d5 = vec3_dot(ab, cp), d6 = vec3_dot(ac, cp);
+    double va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
+    if (d1 <= 0 && d2 <= 0)
+        at_weights(c, 0, 0, false, out);
+    else if (d3 >= 0 && d4 <= d3)
+        at_weights(c, 1, 0, false, out);
+    else if (d6 >= 0 && d5 <= d6)
+        at_weights(c, 0, 1, false, out);
+    else if (vc <= 0 && d1 >= 0 && d3 <= 0)
+        at_weights(c, d1 / (d1 - d3), 0, false, out);
+    else if (vb <= 0 && d2 >= 0 && d6 <= 0)
+        at_weights(c, 0, d2 / (d2 - d6), false, out);
+    else if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
+        double w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        at_weights(c, 1 - w, w, false, out);
+    } else
+        at_weights(c, vb / (va + vb + vc), vc / (va + vb + vc), true, out);
+}
+
+void soup_closest_on(const struct soup *soup, uint32_t index, vec3 point,
+                     struct soup_closest *out) {
+    closest_weights(soup->at[index].corners, point, out);
+    out->index = index;
+    out->distance = vec3_distance(point, out->point);
+}
+
+// ---- eight boxes at once ------------------------------------------------------------------------
+
+// In single precision, with a margin for its rounding.
+#define WIDE 4
+typedef float lanes __attribute__((vector_size(WIDE * sizeof(float))));
+typedef int32_t lane_mask __attribute__((vector_size(WIDE * sizeof(int32_t))));
+
+// One bit for each lane.
+static inline uint32_t bits_of(lane_mask mask) {
+#if defined(__x86_64__)
+    return (uint32_t)__builtin_ia32_movmskps((lanes)mask);
+#else
+    uint32_t bits = 0;
+    for (int i = 0; i < WIDE; i++)
+        bits |= (uint32_t)(mask[i] & 1) << i;
+    return bits;
+#endif
+}
+
+static inline lanes load(const float *from) {
+    lanes out;
+    memcpy(&out, from, sizeof out);
+    return out;
+}
+
+// How far from the middle of a box beyond its half: no less than 0.
+static inline lanes beyond(lanes off, lanes half) {
+    off = (lanes)((lane_mask)off & INT32_MAX) - half;
+    return (lanes)((off > 0.0f) & (lane_mask)off);
+}
+
+struct place {
+    float at[3];
+    double margin; // how far a distance may be off
+};
+
+static struct place place_of(const struct soup *soup, vec3 p) {
+    vec3 off = vec3_sub(p, soup->origin);
+    double farthest = higher(fabs(off.x), higher(fabs(off.y), fabs(off.z)));
+    return (struct place){{(float)off.x, (float)off.y, (float)off.z},
+                          32 * (double)FLT_EPSILON * (soup->reach + farthest) + SLACK_MM};
+}
+
+// Which of four boxes have a normal that looks through one of the faces.
+static inline lane_mask facing(const struct soup_boxes *boxes, int at, int32_t faces) {
+    lane_mask all;
+    memcpy(&all, boxes->faces + at, sizeof all);
+    return (all & faces) != 0;
+}
+
+// ---- the closest point: the tree ----------------------------------------------------------------
+
+struct looking {
+    const struct soup *soup;
+    const struct soup_search *search;
+    struct soup_closest *best;
+    struct place place;
+    int32_t faces;    // that an answer may look through
+    double distance2; // of the best, and a hair: what is farther is no answer
+    float square;     // the same for boxes
+};
+
+static void note_best(struct looking *s) {
+    double distance = s->best->distance + SLACK_MM, near = s->best->distance + s->place.margin;
+    s->distance2 = distance * distance;
+    s->square = (float)(near * near * (1 + 8 * (double)FLT_EPSILON));
+}
+
+// False only where the triangle is no answer.
+static bool may_be_closer(const struct soup_plane *plane, const struct looking *s) {
+    if (!(vec3_dot(s->search->facing, plane->normal) >= s->search->least))
+        return false;
+    double off = vec3_dot(plane->normal, s->search->point) - plane->offset;
+    return off * off <= s->distance2;
+}
+
+static void look_at(struct looking *s, uint32_t t) {
+    if (t == s->best->index || !may_be_closer(&s->soup->planes[t], s))
+        return;
+    struct soup_closest found;
+    soup_closest_on(s->soup, t, s->search->point, &found);
+    if (found.distance < s->best->distance ||
+        (found.distance == s->best->distance && t < s->best->index)) {
+        *s->best = found;
+        note_best(s);
+    }
+}
+
+// Which of eight boxes may have the answer, one bit for each; and their square distances.
+static inline uint32_t boxes_of(const struct looking *s, const struct soup_boxes *boxes,
+                                float out_squares[EIGHT]) {
+    const float *p = s->place.at;
+    uint32_t within = 0;
+    for (int at = 0; at < EIGHT; at += WIDE) {
+        lanes sum = {0};
+        for (int i = 0; i < 3; i++) {
+            lanes off = beyond(load(boxes->middle[i] + at) - p[i], load(boxes->half[i] + at));
+            sum += off * off;
+        }
+        memcpy(out_squares + at, &sum, sizeof sum);
+        within |= bits_of((sum <= s->square) & facing(boxes, at, s->faces)) << at;
+    }
+    return within;
+}
+
+struct visit {
+    float square;
+    int level; // of a block
+    uint32_t block;
+};
+
+#define VISITS_MAX (SOUP_LEVELS_MAX * EIGHT)
+
+// The nearest comes to the top of the stack.
+static int look_in_block(struct looking *s, struct visit visit, struct visit *stack, int depth) {
+    const struct soup *soup = s->soup;
+    const struct soup_boxes *boxes = &soup->blocks[soup->starts[visit.level] + visit.block];
+    float squares[EIGHT];
+    int from = depth;
+    for (uint32_t near = boxes_of(s, boxes, squares); near; near &= near - 1) {
+        uint32_t i = (uint32_t)__builtin_ctz(near), box = EIGHT * visit.block + i;
+        if (visit.level == 0) {
+            look_at(s, soup->order[box].number);
+            continue;
+        }
+        int at = depth++;
+        for (; at > from && stack[at - 1].square < squares[i]; at--)
+            stack[at] = stack[at - 1];
+        stack[at] = (struct visit){squares[i], visit.level - 1, box};
+    }
+    return depth;
+}
+
+static struct looking begin(const struct soup *soup, const struct soup_search *search,
+                            struct soup_closest *out) {
+    struct looking s = {.soup = soup, .search = search, .best = out};
+    *out = (struct soup_closest){.index = MESH_NONE, .distance = search->within};
+    s.place = place_of(soup, search->point);
+    s.faces = faces_towards(search->facing, search->least);
+    note_best(&s);
+    return s;
+}
+
+bool soup_closest(const struct soup *soup, const struct soup_search *search,
+                  struct soup_closest *out) {
+    struct looking s = begin(soup, search, out);
+    struct visit stack[VISITS_MAX];
+    stack[0] = (struct visit){0, soup->level_count - 1, 0};
+    if (search->hint < soup->count)
+        look_at(&s, search->hint);
+    for (int depth = soup->count > 0; depth > 0;) {
+        struct visit visit = stack[--depth];
+        if (visit.square <= s.square)
+            depth = look_in_block(&s, visit, stack, depth);
+    }
+    return out->index != MESH_NONE;
+}
+
+bool soup_closest_among(const struct soup *soup, const struct soup_search *search,
+                        const uint32_t *indices, uint32_t count, struct soup_closest *out) {
+    struct looking s = begin(soup, search, out);
+    for (uint32_t i = 0; i < count; i++)
+        look_at(&s, indices[i]);
+    return out->index != MESH_NONE;
+}
+
+// ---- near a box ---------------------------------------------------------------------------------
+
+struct nearing {
+    const struct soup *soup;
+    struct place place; // of the box's middle
+    float half[3];      // of it, and a hair
+    int32_t faces;
+    void (*visit)(void *context, uint32_t index);
+    void *context;
+};
+
+static void set_box(struct nearing *n, struct box box) {
+    vec3 half = vec3_scale(0.5, vec3_sub(box.max, box.min));
+    n->place = place_of(n->soup, vec3_add(box.min, half));
+    for (int i = 0; i < 3; i++)
+        n->half[i] = (float)((&half.x)[i] + n->place.margin);
+}
+
+static inline uint32_t boxes_near(const struct nearing *n, const struct soup_boxes *boxes) {
+    uint32_t near = 0;
+    for (int at = 0; at < EIGHT; at += WIDE) {
+        lane_mask beside = {0};
+        for (int i = 0; i < 3; i++)
+            beside |= beyond(load(boxes->middle[i] + at) - n->place.at[i],
+                             load(boxes->half[i] + at)) > n->half[i];
+        near |= bits_of(~beside & facing(boxes, at, n->faces)) << at;
+    }
+    return near;
+}
+
+static void look_near(const struct nearing *n, int level, uint32_t block) {
+    const struct soup_boxes *boxes = &n->soup->blocks[n->soup->starts[level] + block];
+    for (uint32_t near = boxes_near(n, boxes); near; near &= near - 1) {
+        uint32_t box = EIGHT * block + (uint32_t)__builtin_ctz(near);
+        if (level > 0)
+            look_near(n, level - 1, box);
+        else
+            n->visit(n->context, n->soup->order[box].number);
+    }
+}
+
+void soup_near(const struct soup *soup, struct box box,
+               void (*visit)(void *context, uint32_t index), void *context) {
+    struct nearing n = {.soup = soup, .faces = INT32_MAX, .visit = visit, .context = context};
+    if (!soup->count)
+        return;
+    set_box(&n, box);
+    look_near(&n, soup->level_count - 1, 0);
+}
+
+struct facing_search {
+    const struct soup *soup;
+    vec3 facing;
+    double least;
+    void (*visit)(void *context, uint32_t index);
+    void *context;
+};
+
+static void visit_facing(void *context, uint32_t index) {
+    const struct facing_search *s = context;
+    if (vec3_dot(s->facing, s->soup->planes[index].normal) >= s->least)
+        s->visit(s->context, index);
+}
+
+void soup_near_facing(const struct soup *soup, struct box box, vec3 facing, double least,
+                      void (*visit)(void *context, uint32_t index), void *context) {
+    struct facing_search search = {soup, facing, least, visit, context};
+    struct nearing n = {.soup = soup,
+                        .faces = faces_towards(facing, least),
+                        .visit = visit_facing,
+                        .context = &search};
+    if (!soup->count)
+        return;
+    set_box(&n, box);
+    look_near(&n, soup->level_count - 1, 0);
+}

@@ -80,61 +80,37 @@ struct conform *conform_copy(const struct conform *conform) {
     return copy;
 }
 
+static void free_all(void *const *arrays, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        free(arrays[i]);
+}
+
+static void destroy_system(struct conform *c) {
+    void *const arrays[] = {c->first,           c->columns,
+                            c->blocks,          c->diagonal,
+                            c->inverse,         c->bending,
+                            c->gradient,        c->step,
+                            c->along,           c->bent,
+                            c->block_columns,   c->diagonal_columns,
+                            c->inverse_columns, c->bending_columns,
+                            c->solution,        c->residual,
+                            c->preconditioned,  c->direction,
+                            c->product,         c->rows};
+    free_all(arrays, sizeof arrays / sizeof arrays[0]);
+}
+
 void conform_destroy(struct conform **conform) {
     struct conform *c = *conform;
     if (!c)
         return;
-    void *const arrays[] = {c->positions,
-                            c->dirty,
-                            c->dirty_before,
-                            c->before,
-                            c->sound,
-                            c->kept,
-                            c->factor,
-                            c->normals,
-                            c->slot,
-                            c->trust,
-                            c->bend,
-                            c->reach,
-                            c->ring,
-                            c->tied,
-                            c->active,
-                            c->changed,
-                            c->queue,
-                            c->first,
-                            c->columns,
-                            c->blocks,
-                            c->diagonal,
-                            c->inverse,
-                            c->bending,
-                            c->gradient,
-                            c->step,
-                            c->along,
-                            c->residual,
-                            c->preconditioned,
-                            c->direction,
-                            c->product,
-                            c->bent,
-                            c->live_of,
-                            c->live,
-                            c->near,
-                            c->pulls,
-                            c->rows,
-                            c->samples,
-                            c->contacts,
-                            c->laid,
-                            c->laid_before,
-                            c->moves,
-                            c->beside,
-                            c->self_of,
-                            c->solution,
-                            c->block_columns,
-                            c->diagonal_columns,
-                            c->inverse_columns,
-                            c->bending_columns,
-                            c->across};
-    for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
-        free(arrays[i]);
+    void *const arrays[] = {c->positions, c->dirty,   c->dirty_before, c->before, c->sound,
+                            c->kept,      c->factor,  c->normals,      c->slot,   c->trust,
+                            c->bend,      c->reach,   c->ring,         c->tied,   c->active,
+                            c->changed,   c->queue,   c->live_of,      c->live,   c->near,
+                            c->pulls,     c->samples, c->contacts,     c->laid,   c->laid_before,
+                            c->moves,     c->beside,  c->self_of,      c->across};
+    free_all(arrays, sizeof arrays / sizeof arrays[0]);
+    destroy_system(c);
     soup_fini(&c->target);
     soup_fini(&c->self);
     soup_fini(&c->whole_target);

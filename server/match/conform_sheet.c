@@ -87,7 +87,6 @@ static void plan_init(struct plan *plan, const struct match_surface *s) {
     plan->level = alloc(cell_count(plan), sizeof *plan->level);
     plan->rising = alloc(cell_count(plan), sizeof *plan->rising);
     plan->under = alloc(cell_count(plan), sizeof *plan->under);
-    add_underside(plan, s);
 }
 
 static void plan_fini(struct plan *plan) {
@@ -116,6 +115,11 @@ static bool around(const struct plan *plan, vec3 p, double within,
 
 // ---- where tissue is gone -----------------------------------------------------------------------
 
+static void mark_first_corners(struct plan *plan, const struct mesh *tissue) {
+    for (uint32_t t = 0; t < tissue->triangle_count; t++)
+        plan->tissue[cell_of(plan, mesh_corner(tissue, t, 0))] = true;
+}
+
 static void mark_tissue(struct plan *plan, const struct mesh *tissue) {
     for (uint32_t t = 0; t < tissue->triangle_count; t++) {
         vec3 a = mesh_corner(tissue, t, 0), b = mesh_corner(tissue, t, 1);
@@ -137,6 +141,7 @@ static bool is_free(void *context, size_t cell, double distance2) {
 // Of the cells over S'; false: none.
 static bool mark_far(struct plan *plan, const struct match_surface *s) {
     bool any = false;
+    memset(plan->distance, UNKNOWN, cell_count(plan) * sizeof *plan->distance);
     for (uint32_t v = 0; v < s->vertex_count; v++) {
         size_t cell = cell_of(plan, s->start[v]);
         if (plan->distance[cell] == UNKNOWN)
@@ -146,6 +151,15 @@ static bool mark_far(struct plan *plan, const struct match_surface *s) {
         any |= plan->distance[cell] == FAR;
     }
     return any;
+}
+
+// Mostly some corners of the tissue tell already that nothing is far from it.
+static bool find_far(struct plan *plan, const struct match_surface *s, const struct mesh *tissue) {
+    mark_first_corners(plan, tissue);
+    if (!mark_far(plan, s))
+        return false;
+    mark_tissue(plan, tissue);
+    return mark_far(plan, s);
 }
 
 struct nearest {
@@ -349,9 +363,10 @@ void conform_lay(struct conform *c, const struct mesh *tissue) {
     struct laying l = {0};
     c->active_count = 0;
     plan_init(&l.plan, c->surface);
-    mark_tissue(&l.plan, tissue);
-    if (mark_far(&l.plan, c->surface))
+    if (find_far(&l.plan, c->surface, tissue)) {
+        add_underside(&l.plan, c->surface);
         choose(c, &l);
+    }
     if (c->active_count) {
         conform_gather_active(c);
         lay(c, &l);
@@ -377,8 +392,10 @@ double conform_sheet(const struct conform *c) {
         vec3 corners[3];
         if (!is_laid(c, t))
             continue;
-        if (!plan.under)
+        if (!plan.under) {
             plan_init(&plan, c->surface);
+            add_underside(&plan, c->surface);
+        }
         conform_corners(c, t, corners);
         for (int i = 0; i < 3; i++)
             sum += soup_area2(corners).z / 6 * (corners[i].z - floor_at(&plan, corners[i]));

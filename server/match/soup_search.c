@@ -1,5 +1,6 @@
 // Searches in a soup.
-#include "match/soup.h"
+#define WIDE 4
+#include "match/soup_walk.h"
 
 #include <float.h>
 #include <string.h>
@@ -61,41 +62,7 @@ void soup_closest_on(const struct soup *soup, uint32_t index, vec3 point,
     out->distance = vec3_distance(point, out->point);
 }
 
-// ---- eight boxes at once ------------------------------------------------------------------------
-
-// In single precision, with a margin for its rounding.
-#define WIDE 4
-typedef float lanes __attribute__((vector_size(WIDE * sizeof(float))));
-typedef int32_t lane_mask __attribute__((vector_size(WIDE * sizeof(int32_t))));
-
-// One bit for each lane.
-static inline uint32_t bits_of(lane_mask mask) {
-#if defined(__x86_64__)
-    return (uint32_t)__builtin_ia32_movmskps((lanes)mask);
-#else
-    uint32_t bits = 0;
-    for (int i = 0; i < WIDE; i++)
-        bits |= (uint32_t)(mask[i] & 1) << i;
-    return bits;
-#endif
-}
-
-static inline lanes load(const float *from) {
-    lanes out;
-    memcpy(&out, from, sizeof out);
-    return out;
-}
-
-// How far from the middle of a box beyond its half: no less than 0.
-static inline lanes beyond(lanes off, lanes half) {
-    off = (lanes)((lane_mask)off & INT32_MAX) - half;
-    return (lanes)((off > 0.0f) & (lane_mask)off);
-}
-
-struct place {
-    float at[3];
-    double margin; // how far a distance may be off
-};
+// ---- the closest point: the tree ----------------------------------------------------------------
 
 static struct place place_of(const struct soup *soup, vec3 p) {
     vec3 off = vec3_sub(p, soup->origin);
@@ -103,25 +70,6 @@ static struct place place_of(const struct soup *soup, vec3 p) {
     return (struct place){{(float)off.x, (float)off.y, (float)off.z},
                           32 * (double)FLT_EPSILON * (soup->reach + farthest) + SLACK_MM};
 }
-
-// Which of four boxes have a normal that looks through one of the faces.
-static inline lane_mask facing(const struct soup_boxes *boxes, int at, int32_t faces) {
-    lane_mask all;
-    memcpy(&all, boxes->faces + at, sizeof all);
-    return (all & faces) != 0;
-}
-
-// ---- the closest point: the tree ----------------------------------------------------------------
-
-struct looking {
-    const struct soup *soup;
-    const struct soup_search *search;
-    struct soup_closest *best;
-    struct place place;
-    int32_t faces;    // that an answer may look through
-    double distance2; // of the best, and a hair: what is farther is no answer
-    float square;     // the same for boxes
-};
 
 static void note_best(struct looking *s) {
     double distance = s->best->distance + SLACK_MM, near = s->best->distance + s->place.margin;
@@ -137,7 +85,7 @@ static bool may_be_closer(const struct soup_plane *plane, const struct looking *
     return off * off <= s->distance2;
 }
 
-static void look_at(struct looking *s, uint32_t t) {
+void soup_look_at(struct looking *s, uint32_t t) {
     if (t == s->best->index || !may_be_closer(&s->soup->planes[t], s))
         return;
     struct soup_closest found;
@@ -149,49 +97,18 @@ static void look_at(struct looking *s, uint32_t t) {
     }
 }
 
-// Which of eight boxes may have the answer, one bit for each; and their square distances.
-static inline uint32_t boxes_of(const struct looking *s, const struct soup_boxes *boxes,
-                                float out_squares[EIGHT]) {
-    const float *p = s->place.at;
-    uint32_t within = 0;
-    for (int at = 0; at < EIGHT; at += WIDE) {
-        lanes sum = {0};
-        for (int i = 0; i < 3; i++) {
-            lanes off = beyond(load(boxes->middle[i] + at) - p[i], load(boxes->half[i] + at));
-            sum += off * off;
-        }
-        memcpy(out_squares + at, &sum, sizeof sum);
-        within |= bits_of((sum <= s->square) & facing(boxes, at, s->faces)) << at;
-    }
-    return within;
+void soup_walk_plain(struct looking *s) {
+    walk(s);
 }
 
-struct visit {
-    float square;
-    int level; // of a block
-    uint32_t block;
-};
-
-#define VISITS_MAX (SOUP_LEVELS_MAX * EIGHT)
-
-// The nearest comes to the top of the stack.
-static int look_in_block(struct looking *s, struct visit visit, struct visit *stack, int depth) {
-    const struct soup *soup = s->soup;
-    const struct soup_boxes *boxes = &soup->blocks[soup->starts[visit.level] + visit.block];
-    float squares[EIGHT];
-    int from = depth;
-    for (uint32_t near = boxes_of(s, boxes, squares); near; near &= near - 1) {
-        uint32_t i = (uint32_t)__builtin_ctz(near), box = EIGHT * visit.block + i;
-        if (visit.level == 0) {
-            look_at(s, soup->order[box].number);
-            continue;
-        }
-        int at = depth++;
-        for (; at > from && stack[at - 1].square < squares[i]; at--)
-            stack[at] = stack[at - 1];
-        stack[at] = (struct visit){squares[i], visit.level - 1, box};
+static void walk_best(struct looking *s) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        soup_walk_avx2(s);
+        return;
     }
-    return depth;
+#endif
+    soup_walk_plain(s);
 }
 
 static struct looking begin(const struct soup *soup, const struct soup_search *search,
@@ -207,15 +124,10 @@ static struct looking begin(const struct soup *soup, const struct soup_search *s
 bool soup_closest(const struct soup *soup, const struct soup_search *search,
                   struct soup_closest *out) {
     struct looking s = begin(soup, search, out);
-    struct visit stack[VISITS_MAX];
-    stack[0] = (struct visit){0, soup->level_count - 1, 0};
     if (search->hint < soup->count)
-        look_at(&s, search->hint);
-    for (int depth = soup->count > 0; depth > 0;) {
-        struct visit visit = stack[--depth];
-        if (visit.square <= s.square)
-            depth = look_in_block(&s, visit, stack, depth);
-    }
+        soup_look_at(&s, search->hint);
+    if (soup->count)
+        walk_best(&s);
     return out->index != MESH_NONE;
 }
 
@@ -223,7 +135,7 @@ bool soup_closest_among(const struct soup *soup, const struct soup_search *searc
                         const uint32_t *indices, uint32_t count, struct soup_closest *out) {
     struct looking s = begin(soup, search, out);
     for (uint32_t i = 0; i < count; i++)
-        look_at(&s, indices[i]);
+        soup_look_at(&s, indices[i]);
     return out->index != MESH_NONE;
 }
 

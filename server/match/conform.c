@@ -42,6 +42,7 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->inverse_columns, count);
     NEW(c->bending_columns, count);
     NEW(c->solution, count);
+    NEW(c->others, count);
     NEW(c->gradient, count);
     NEW(c->step, count);
     NEW(c->along, count);
@@ -86,16 +87,27 @@ static void free_all(void *const *arrays, size_t count) {
 }
 
 static void destroy_system(struct conform *c) {
-    void *const arrays[] = {c->first,           c->columns,
-                            c->blocks,          c->diagonal,
-                            c->inverse,         c->bending,
-                            c->gradient,        c->step,
-                            c->along,           c->bent,
-                            c->block_columns,   c->diagonal_columns,
-                            c->inverse_columns, c->bending_columns,
-                            c->solution,        c->residual,
-                            c->preconditioned,  c->direction,
-                            c->product,         c->rows};
+    void *const arrays[] = {c->first,
+                            c->columns,
+                            c->blocks,
+                            c->diagonal,
+                            c->inverse,
+                            c->bending,
+                            c->gradient,
+                            c->step,
+                            c->along,
+                            c->bent,
+                            c->block_columns,
+                            c->diagonal_columns,
+                            c->inverse_columns,
+                            c->bending_columns,
+                            c->solution,
+                            c->residual,
+                            c->preconditioned,
+                            c->direction,
+                            c->product,
+                            c->others,
+                            c->rows};
     free_all(arrays, sizeof arrays / sizeof arrays[0]);
 }
 

@@ -54,11 +54,7 @@ LANES_INLINE void multiply_bending(const struct conform *c, const quad *x, quad 
         uint32_t from = c->first[i], to = c->first[i + 1];
         const struct columns3 bending = c->bending_columns[i];
         double share = 1.0 / (to - from), square = share * share;
-        quad others = {0}, pull, own;
-        for (uint32_t k = from; k < to; k++)
-            if (c->columns[k] != MESH_NONE)
-                others += x[c->columns[k]];
-        quad off = x[i] + -share * others;
+        quad others = c->others[i], off = x[i] + -share * others, pull, own;
         apply(&bending, &off, &pull);
         off = share * others;
         apply(&bending, &off, &own);
@@ -75,14 +71,17 @@ LANES_INLINE void multiply_bending(const struct conform *c, const quad *x, quad 
 
 LANES_INLINE void multiply(const struct conform *c, const quad *x, quad *out) {
     for (uint32_t i = 0; i < c->active_count; i++) {
-        quad sum, part;
+        quad sum, part, others = {0};
         apply(&c->diagonal_columns[i], &x[i], &sum);
         for (uint32_t k = c->first[i]; k < c->first[i + 1]; k++)
             if (c->columns[k] != MESH_NONE) {
-                apply(&c->block_columns[k], &x[c->columns[k]], &part);
+                const quad *other = &x[c->columns[k]];
+                apply(&c->block_columns[k], other, &part);
                 sum += part;
+                others += *other;
             }
         out[i] = sum;
+        c->others[i] = others;
     }
     multiply_contacts(c, x, out);
     multiply_bending(c, x, out);

@@ -123,6 +123,7 @@ struct conform {
     // Of conjugate gradients, by the same:
     struct columns3 *block_columns, *diagonal_columns, *inverse_columns, *bending_columns;
     quad *solution, *residual, *preconditioned, *direction, *product;
+    quad *others; // of what is multiplied: the sums of a fan's far ends
     uint32_t block_room;
     struct triangle_rows *rows; // by live triangle
 };

@@ -9,15 +9,6 @@
 #define RELAX_STEPS 8
 #define NEWTON_STEPS 3
 
-double smooth_min(double a, double b, double k) {
-    double h = fmax(k - fabs(a - b), 0) / k;
-    return fmin(a, b) - h * h * k / 4;
-}
-
-double smooth_max(double a, double b, double k) {
-    return -smooth_min(-a, -b, k);
-}
-
 vec3 implicit_gradient(implicit solid, vec3 p) {
     const double h = 1e-3;
     vec3 g = {solid((vec3){p.x + h, p.y, p.z}) - solid((vec3){p.x - h, p.y, p.z}),

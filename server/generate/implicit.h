@@ -4,11 +4,23 @@
 
 #include "mesh/mesh.h"
 
+#include <math.h>
+
 typedef double (*implicit)(vec3 p);
 
-// Union and intersection whose edge is rounded off over a width k (mm).
-double smooth_min(double a, double b, double k);
-double smooth_max(double a, double b, double k);
+// Union and intersection whose edge is rounded off over a width k (mm): where they are further
+// apart than that, the lesser and the greater one.
+static inline double smooth_min(double a, double b, double k) {
+    double least = a < b ? a : b, apart = fabs(a - b);
+    if (apart >= k)
+        return least;
+    double h = (k - apart) / k;
+    return least - h * h * k / 4;
+}
+
+static inline double smooth_max(double a, double b, double k) {
+    return -smooth_min(-a, -b, k);
+}
 
 vec3 implicit_gradient(implicit solid, vec3 p);
 

@@ -2,6 +2,7 @@
 
 // The trochlea is a pulley about an axis parallel to the flexion axis.
 static const double trochlea_y = 15, trochlea_z = 8;
+static const double condyle_half_width = 13;
 
 static double square(double x) {
     return x * x;
@@ -36,10 +37,16 @@ static double capsule(vec3 p, vec3 a, vec3 b, double radius) {
 
 // A barrel round the flexion axis: an arc of radius 20 in the frontal plane, two flat sides.
 static double condyle(vec3 p, double ridge_x) {
-    const double arc = 20, half_width = 13;
+    const double arc = 20;
     double dx = p.x - ridge_x;
     double barrel = hypot(dx, hypot(p.y, p.z) - (SHAPE_CONDYLE_RADIUS - arc)) - arc;
-    return smooth_max(barrel, fabs(dx) - half_width, 5);
+    return smooth_max(barrel, fabs(dx) - condyle_half_width, 5);
+}
+
+static double femur_condyles(vec3 p) {
+    double near_x = copysign(SHAPE_CONDYLE_X, p.x), near = condyle(p, near_x);
+    bool is_far = fabs(p.x + near_x) - condyle_half_width >= near; // the other one's flat side
+    return is_far ? near : fmin(near, condyle(p, -near_x));
 }
 
 static double ring(double x, double radial, double ring_x, double outer, double thickness) {
@@ -53,12 +60,15 @@ static double trochlea(vec3 p) {
     return smooth_min(smooth_min(lateral, medial, 4), groove, 8);
 }
 
+static double shaft_ends(vec3 p) {
+    return fmax(8 - p.z, p.z - 72);
+}
+
 static double femur_shaft(vec3 p) {
     double flare = ramp(62, 10, p.z);
     double half_x = 14 + 19 * flare, half_y = 13 + 2 * flare;
     double q = hypot(p.x / half_x, (p.y - 16) / half_y);
-    double ends = fmax(8 - p.z, p.z - 72);
-    return smooth_max(from_ellipse(q, half_y), ends, 8);
+    return smooth_max(from_ellipse(q, half_y), shaft_ends(p), 8);
 }
 
 static double femur_epicondyles(vec3 p) {
@@ -66,9 +76,11 @@ static double femur_epicondyles(vec3 p) {
 }
 
 double shape_femur(vec3 p) {
-    double condyles = fmin(condyle(p, SHAPE_CONDYLE_X), condyle(p, -SHAPE_CONDYLE_X));
-    condyles = smooth_min(condyles, femur_epicondyles(p), 6);
-    return smooth_min(smooth_min(condyles, trochlea(p), 8), femur_shaft(p), 8);
+    const double blend = 8;
+    double condyles = smooth_min(femur_condyles(p), femur_epicondyles(p), 6);
+    double end = smooth_min(condyles, trochlea(p), blend);
+    bool shaft_is_far = shaft_ends(p) >= end + blend;
+    return shaft_is_far ? end : smooth_min(end, femur_shaft(p), blend);
 }
 
 // Medially a shallow dish, laterally a slight hill from front to back, two spines between.
@@ -153,32 +165,40 @@ static pose patella_at(double flexion_deg, double outward) {
     return (pose){turn, vec3_add(axis, quat_rotate(turn, shifted))};
 }
 
-static double patella_clearance(const struct mesh *patella, pose T_femur_patella) {
-    double least = INFINITY;
-    for (uint32_t v = 0; v < patella->vertex_count; v++)
-        least = fmin(least, shape_femur(pose_apply(T_femur_patella, mesh_vertex(patella, v))));
-    return least;
+// Begins with the vertex `hint`, which becomes the one that does not clear it.
+static bool patella_is_clear(const struct mesh *patella, pose T_femur_patella, double gap,
+                             uint32_t *hint) {
+    for (uint32_t i = 0; i < patella->vertex_count; i++) {
+        uint32_t v = (*hint + i) % patella->vertex_count;
+        if (shape_femur(pose_apply(T_femur_patella, mesh_vertex(patella, v))) < gap) {
+            *hint = v;
+            return false;
+        }
+    }
+    return true;
 }
 
 pose shape_patella_pose(const struct mesh *patella, double flexion_deg, double gap) {
     double inside = -12, outside = 12;
+    uint32_t hint = 0;
     for (int i = 0; i < 20; i++) {
         double middle = (inside + outside) / 2;
-        bool clear = patella_clearance(patella, patella_at(flexion_deg, middle)) >= gap;
+        bool clear = patella_is_clear(patella, patella_at(flexion_deg, middle), gap, &hint);
         *(clear ? &outside : &inside) = middle;
     }
     return patella_at(flexion_deg, outside);
 }
 
-double shape_swept_femur(vec3 p_tibia) {
+bool shape_femur_sweeps(vec3 p_tibia, double gap) {
     const double cosine = 0.98480775301220806, sine = 0.17364817766693035; // of 10 degrees
     vec3 p = p_tibia;
-    double least = shape_femur(p);
-    for (int flexion = 10; flexion <= SHAPE_FLEXION_MAX; flexion += 10) {
+    for (int flexion = 0;; flexion += 10) {
+        if (shape_femur(p) <= gap)
+            return true;
+        if (flexion == SHAPE_FLEXION_MAX)
+            return false;
         p = (vec3){p.x, cosine * p.y + sine * p.z, cosine * p.z - sine * p.y};
-        least = fmin(least, shape_femur(p));
     }
-    return least;
 }
 
 double shape_plateau(double x, double y) {

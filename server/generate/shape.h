@@ -26,8 +26,9 @@ struct box shape_skin_box(void);
 // clears the femur by `gap` with every vertex of its mesh.
 pose shape_patella_pose(const struct mesh *patella, double flexion_deg, double gap);
 
-// What the femur sweeps, seen from the tibia, from extension to full flexion.
-double shape_swept_femur(vec3 p_tibia);
+// Whether the femur comes as near as `gap` to a point of the tibia between extension and full
+// flexion.
+bool shape_femur_sweeps(vec3 p_tibia, double gap);
 
 // The height of the tibia's upper surface at (x, y).
 double shape_plateau(double x, double y);

@@ -115,13 +115,13 @@ static vec3 outline_point(const struct outline *o, double along, double across) 
 static double room_above(vec3 p) {
     const double step = 0.5, enough = 13;
     double clear = 0;
-    while (clear < enough && shape_swept_femur((vec3){p.x, p.y, p.z + clear + step}) > femur_gap)
+    while (clear < enough && !shape_femur_sweeps((vec3){p.x, p.y, p.z + clear + step}, femur_gap))
         clear += step;
     double blocked = clear + step;
     for (int i = 0; i < 8 && clear < enough; i++) {
         double middle = (clear + blocked) / 2;
-        bool free_there = shape_swept_femur((vec3){p.x, p.y, p.z + middle}) > femur_gap;
-        *(free_there ? &clear : &blocked) = middle;
+        bool swept = shape_femur_sweeps((vec3){p.x, p.y, p.z + middle}, femur_gap);
+        *(swept ? &blocked : &clear) = middle;
     }
     return clear;
 }

@@ -35,6 +35,7 @@ struct fan {
     uint32_t sides[DEGREE_MAX]; // that start at the vertex, clockwise: beside side k lie triangles
                                 // k, k + 1
     vec3 normals[DEGREE_MAX];   // of their triangles, twice the area long
+    double lengths[DEGREE_MAX]; // of the normals
     double heights[DEGREE_MAX]; // over their longest sides
     double thinnest;
 };
@@ -56,7 +57,8 @@ static bool gather_fan(const struct cut_mesh *mesh, uint32_t vertex, struct fan 
         vec3 p[3];
         triangle_points(mesh, mesh->corners + 3 * (size_t)(side / 3), p);
         double thin = thinness(p[0], p[1], p[2], &fan->normals[fan->count]);
-        fan->heights[fan->count] = sqrt(thin * vec3_length(fan->normals[fan->count]));
+        fan->lengths[fan->count] = vec3_length(fan->normals[fan->count]);
+        fan->heights[fan->count] = sqrt(thin * fan->lengths[fan->count]);
         fan->thinnest = lower(fan->thinnest, thin);
         fan->sides[fan->count++] = side;
         side = side_around(mesh, side);
@@ -82,23 +84,28 @@ static bool keeps_labels(const struct cut_mesh *mesh, const struct fan *fan, int
     return true;
 }
 
-// The thinnest triangle after merging; -1 where the surface would move or turn over. Triangles that
-// are not higher than `flat` are not asked.
+struct merge_limits {
+    double sink;  // mm
+    double flat;  // mm: triangles that are not higher are not asked
+    double least; // a thinner triangle ends it
+};
+
+// The thinnest triangle after merging; -1 where it passes a limit or the surface would turn over.
 static double merged_thinness(const struct cut_mesh *mesh, const struct fan *fan, int k, vec3 from,
-                              vec3 to, double sink, double flat) {
+                              vec3 to, struct merge_limits limits) {
     double thinnest = 1;
     for (int i = 2; i < fan->count; i++) {
         int f = (k + i) % fan->count;
-        if (fan->heights[f] <= flat)
+        if (fan->heights[f] <= limits.flat)
             continue;
         vec3 normal = fan->normals[f], turned;
-        double rise = vec3_dot(normal, vec3_sub(to, from)), length = vec3_length(normal);
-        if (rise > RISE_MM * length || rise < -sink * length)
+        double rise = vec3_dot(normal, vec3_sub(to, from)), length = fan->lengths[f];
+        if (rise > RISE_MM * length || rise < -limits.sink * length)
             return -1;
         uint32_t side = fan->sides[f];
         double thin = thinness(to, mesh->points[side_end(mesh, side)],
                                mesh->points[mesh->corners[side_previous(side)]], &turned);
-        if (!(vec3_dot(normal, turned) > 0.5 * length * vec3_length(turned)))
+        if (thin < limits.least || !(vec3_dot(normal, turned) > 0.5 * length * vec3_length(turned)))
             return -1;
         thinnest = lower(thinnest, thin);
     }
@@ -106,15 +113,20 @@ static double merged_thinness(const struct cut_mesh *mesh, const struct fan *fan
 }
 
 // How good a merge into neighbour k is: 2 where both are one, else the thinnest triangle after it;
-// -1 where it must not be.
-static double judge(const struct cut_mesh *mesh, const struct fan *fan, int k, vec3 from) {
+// -1 where it must not be, or is worse than `least`.
+static double judge(const struct cut_mesh *mesh, const struct fan *fan, int k, vec3 from,
+                    double least) {
     vec3 to = mesh->points[side_end(mesh, fan->sides[k])];
     double distance = vec3_distance(from, to);
-    if (distance < SAME_MM)
-        return merged_thinness(mesh, fan, k, from, to, SAME_MM, 4 * SAME_MM) < 0 ? -1 : 2;
+    if (distance < SAME_MM) {
+        struct merge_limits same = {SAME_MM, 4 * SAME_MM, 0};
+        return merged_thinness(mesh, fan, k, from, to, same) < 0 ? -1 : 2;
+    }
     bool near = fan->count > 3 && distance < NEAR_MM;
-    double thin = merged_thinness(mesh, fan, k, from, to, near ? NEAR_SINK_MM : SINK_MM, -1);
-    return thin < 0 || near || keeps_labels(mesh, fan, k) ? thin : -1;
+    if (!near && !keeps_labels(mesh, fan, k))
+        return -1;
+    struct merge_limits limits = {near ? NEAR_SINK_MM : SINK_MM, -1, least};
+    return merged_thinness(mesh, fan, k, from, to, limits);
 }
 
 // The best neighbour to merge into, as an index of the fan; -1: none.
@@ -122,7 +134,7 @@ static int choose_neighbour(const struct cut_mesh *mesh, uint32_t vertex, const 
     int best = -1;
     double least = lower(fan->thinnest, THIN);
     for (int k = 0; k < fan->count; k++) {
-        double good = judge(mesh, fan, k, mesh->points[vertex]);
+        double good = judge(mesh, fan, k, mesh->points[vertex], least);
         if (good < least || !surgery_can_merge(mesh, fan->sides[k]))
             continue;
         best = k;

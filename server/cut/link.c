@@ -7,26 +7,31 @@ static bool goes(const struct stage *stage, uint32_t triangle) {
     return stamped_set_has(&stage->slots, triangle);
 }
 
-static bool enter_border(const struct cut_mesh *mesh, struct stage *stage) {
+// *out_count: sides of triangles that stay.
+static bool enter_border(const struct cut_mesh *mesh, struct stage *stage, uint32_t *out_count) {
+    *out_count = 0;
     for (uint32_t k = 0; k < stage->triangle_count; k++)
         for (uint32_t i = 0; stage->triangles[k].goes && i < 3; i++) {
             uint32_t twin = mesh->twins[3 * stage->triangles[k].id + i];
-            struct side_entry entry = {mesh->corners[twin], side_end(mesh, twin), twin, true,
-                                       false};
-            if (!goes(stage, twin / 3) && !sides_enter(&stage->sides, entry))
+            struct side_entry entry = {mesh->corners[twin], side_end(mesh, twin), twin, true};
+            if (goes(stage, twin / 3))
+                continue;
+            if (!sides_enter(&stage->sides, entry))
                 return stage_refuse(stage, "two neighbours of the cut run alike");
+            ++*out_count;
         }
     return true;
 }
 
-static bool enter_all(const struct cut_mesh *mesh, struct stage *stage) {
-    sides_clear(&stage->sides, 3 * (stage->made_count + stage->triangle_count));
-    if (!enter_border(mesh, stage))
+static bool enter_all(const struct cut_mesh *mesh, struct stage *stage, uint32_t going,
+                      uint32_t *out_border) {
+    sides_clear(&stage->sides, 3 * (stage->made_count + going));
+    if (!enter_border(mesh, stage, out_border))
         return false;
     for (uint32_t s = 0; s < 3 * stage->made_count; s++) {
         const uint32_t *c = stage->made[s / 3].corners;
         if (!sides_enter(&stage->sides,
-                         (struct side_entry){c[s % 3], c[(s + 1) % 3], s, false, false}))
+                         (struct side_entry){c[s % 3], c[(s + 1) % 3], s, false}))
             return stage_refuse(stage, "two new triangles run alike");
     }
     return true;
@@ -37,19 +42,16 @@ static struct side_entry *back_of(const struct stage *stage, uint32_t side) {
     return sides_place(&stage->sides, c[(side + 1) % 3], c[side % 3]);
 }
 
-static bool match_sides(struct stage *stage) {
+// No two sides have the same back, so it is enough to count those that stay.
+static bool match_sides(struct stage *stage, uint32_t border) {
     for (uint32_t s = 0; s < 3 * stage->made_count; s++) {
-        struct side_entry *back = back_of(stage, s);
+        const struct side_entry *back = back_of(stage, s);
         if (back->from == MESH_NONE)
             return stage_refuse(stage, "a side of a new triangle has no neighbour");
-        back->matched = true;
+        border -= back->living;
     }
-    for (uint32_t i = 0; i <= stage->sides.mask; i++) {
-        const struct side_entry *entry = &stage->sides.at[i];
-        if (entry->from != MESH_NONE && entry->living && !entry->matched)
-            return stage_refuse(stage, "a side beside the cut has no new neighbour");
-    }
-    return true;
+    return border == 0 ? true
+                       : stage_refuse(stage, "a side beside the cut has no new neighbour");
 }
 
 // ---- the volume that goes ----
@@ -111,11 +113,15 @@ static void add_new(struct cut_mesh *mesh, struct stage *stage) {
 }
 
 bool link_triangles(struct cut_mesh *mesh, struct stage *stage) {
+    uint32_t going = 0, border;
     stamped_set_begin(&stage->slots, mesh->triangle_room);
     for (uint32_t k = 0; k < stage->triangle_count; k++)
-        if (stage->triangles[k].goes)
+        if (stage->triangles[k].goes) {
             stamped_set_put(&stage->slots, stage->triangles[k].id, 0);
-    return enter_all(mesh, stage) && match_sides(stage) && measure(mesh, stage);
+            going++;
+        }
+    return enter_all(mesh, stage, going, &border) && match_sides(stage, border) &&
+           measure(mesh, stage);
 }
 
 void link_commit(struct cut_mesh *mesh, struct stage *stage) {

@@ -40,7 +40,7 @@ static bool is_drawn(const struct polygon_filler *f, uint32_t a, uint32_t b) {
 }
 
 static void draw_side(struct side_table *drawn, uint32_t a, uint32_t b) {
-    sides_enter(drawn, (struct side_entry){a < b ? a : b, a < b ? b : a, 0, false, false});
+    sides_enter(drawn, (struct side_entry){a < b ? a : b, a < b ? b : a, 0, false});
 }
 
 static void draw(struct polygon_filler *f, uint32_t a, uint32_t b) {

@@ -6,7 +6,7 @@
 struct side_entry {
     uint32_t from, to; // UINT32_MAX: nothing is here
     uint32_t side;
-    bool living, matched; // for link.c
+    bool living; // for link.c: of a triangle that stays
 };
 
 struct side_table {

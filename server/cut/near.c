@@ -37,6 +37,15 @@ static bool boxes_meet(const struct cut_mesh *mesh, uint32_t triangle, const str
              (p[0].z > box->max.z && p[1].z > box->max.z && p[2].z > box->max.z));
 }
 
+static void keep_meeting(const struct cut_mesh *mesh, const struct box *box,
+                         struct ids *triangles) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < triangles->count; i++)
+        if (boxes_meet(mesh, triangles->at[i], box))
+            triangles->at[kept++] = triangles->at[i];
+    triangles->count = kept;
+}
+
 static void add_triangle(const struct cut_mesh *mesh, struct stage *stage, uint32_t id) {
     struct near_triangle near = {.id = id};
     uint64_t outside = UINT64_MAX;
@@ -76,10 +85,10 @@ void near_gather(struct cut_mesh *mesh, struct stage *stage) {
     struct box box = {vec3_sub(stage->blade.box.min, margin),
                       vec3_add(stage->blade.box.max, margin)};
     near_collect(mesh, box, &stage->blade, &stage->slots, &stage->candidates);
+    keep_meeting(mesh, &box, &stage->candidates);
     ids_sort(&stage->candidates); // the grid's order depends on cuts that were refused
     stamped_set_begin(&stage->slots, mesh->vertex_room);
     stage->vertex_count = stage->triangle_count = 0;
     for (uint32_t i = 0; i < stage->candidates.count; i++)
-        if (boxes_meet(mesh, stage->candidates.at[i], &box))
-            add_triangle(mesh, stage, stage->candidates.at[i]);
+        add_triangle(mesh, stage, stage->candidates.at[i]);
 }

@@ -138,10 +138,14 @@ static bool join_hole(struct polygon_filler *f, uint32_t outer, uint32_t hole) {
 
 enum strictness { STRICT, RELAXED, FORCED };
 
+// The diagonal from c to a first: most points lie beyond it.
 static bool covers(struct flat_point a, struct flat_point b, struct flat_point c,
                    struct flat_point p, enum strictness strictness) {
-    double ab = flat_cross(a, b, p), bc = flat_cross(b, c, p), ca = flat_cross(c, a, p);
-    return strictness == STRICT ? ab >= 0 && bc >= 0 && ca >= 0 : ab > 0 && bc > 0 && ca > 0;
+    double ca = flat_cross(c, a, p);
+    if (!(strictness == STRICT ? ca >= 0 : ca > 0))
+        return false;
+    double ab = flat_cross(a, b, p), bc = flat_cross(b, c, p);
+    return strictness == STRICT ? ab >= 0 && bc >= 0 : ab > 0 && bc > 0;
 }
 
 // Height over length, about; below 0 where the ear must not be cut off.
@@ -159,8 +163,8 @@ static double quality_of(const struct polygon_filler *f, uint32_t i, enum strict
         return quality + 2; // which is above 0
     for (uint32_t k = c->next; k != b->previous; k = f->nodes[k].next) {
         const struct polygon_node *n = &f->nodes[k];
-        if (n->vertex != a->vertex && n->vertex != b->vertex && n->vertex != c->vertex &&
-            covers(a->p, b->p, c->p, n->p, strictness))
+        if (covers(a->p, b->p, c->p, n->p, strictness) && n->vertex != a->vertex &&
+            n->vertex != b->vertex && n->vertex != c->vertex)
             return -1;
     }
     return quality + FLAT;

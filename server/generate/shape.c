@@ -189,6 +189,8 @@ pose shape_patella_pose(const struct mesh *patella, double flexion_deg, double g
     return patella_at(flexion_deg, outside);
 }
 
+_Static_assert(SHAPE_FLEXION_MAX % 10 == 0, "the femur is turned by 10 degrees at a time");
+
 bool shape_femur_sweeps(vec3 p_tibia, double gap) {
     const double cosine = 0.98480775301220806, sine = 0.17364817766693035; // of 10 degrees
     vec3 p = p_tibia;

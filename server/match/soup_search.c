@@ -1,5 +1,6 @@
 // Searches in a soup.
 #define WIDE 4
+#define WIDE_TARGET
 #include "match/soup_walk.h"
 
 #include <float.h>
@@ -111,8 +112,8 @@ static void walk_best(struct looking *s) {
     soup_walk_plain(s);
 }
 
-static struct looking begin(const struct soup *soup, const struct soup_search *search,
-                            struct soup_closest *out) {
+struct looking soup_begin(const struct soup *soup, const struct soup_search *search,
+                          struct soup_closest *out) {
     struct looking s = {.soup = soup, .search = search, .best = out};
     *out = (struct soup_closest){.index = MESH_NONE, .distance = search->within};
     s.place = place_of(soup, search->point);
@@ -123,7 +124,7 @@ static struct looking begin(const struct soup *soup, const struct soup_search *s
 
 bool soup_closest(const struct soup *soup, const struct soup_search *search,
                   struct soup_closest *out) {
-    struct looking s = begin(soup, search, out);
+    struct looking s = soup_begin(soup, search, out);
     if (search->hint < soup->count)
         soup_look_at(&s, search->hint);
     if (soup->count)
@@ -133,7 +134,7 @@ bool soup_closest(const struct soup *soup, const struct soup_search *search,
 
 bool soup_closest_among(const struct soup *soup, const struct soup_search *search,
                         const uint32_t *indices, uint32_t count, struct soup_closest *out) {
-    struct looking s = begin(soup, search, out);
+    struct looking s = soup_begin(soup, search, out);
     for (uint32_t i = 0; i < count; i++)
         soup_look_at(&s, indices[i]);
     return out->index != MESH_NONE;

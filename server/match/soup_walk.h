@@ -1,5 +1,5 @@
-// The walk through a soup's tree for one CPU level: WIDE, 4 or 8, boxes at once, as the including
-// file says. Lanes do not touch each other: the same bits for both.
+// The walk through a soup's tree for one CPU level: WIDE, 4 or 8, boxes at once, for WIDE_TARGET,
+// as the including file says. Lanes do not touch each other: the same bits for both.
 #pragma once
 
 #include "match/soup.h"
@@ -22,13 +22,16 @@ struct looking {
     float square;     // the same for boxes
 };
 
+// A search that has looked at nothing yet.
+struct looking soup_begin(const struct soup *soup, const struct soup_search *search,
+                          struct soup_closest *out);
 void soup_look_at(struct looking *s, uint32_t triangle);
 
 // What a processor may have; each finds the same.
 void soup_walk_plain(struct looking *s);
 void soup_walk_avx2(struct looking *s);
 
-#define LANES_INLINE static inline __attribute__((always_inline))
+#define LANES_INLINE static inline __attribute__((always_inline)) WIDE_TARGET
 
 // ---- eight boxes at once ------------------------------------------------------------------------
 

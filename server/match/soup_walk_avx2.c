@@ -1,10 +1,10 @@
 #if defined(__x86_64__)
 
-#pragma GCC target("avx2")
 #define WIDE 8
+#define WIDE_TARGET __attribute__((target("avx2")))
 #include "match/soup_walk.h"
 
-void soup_walk_avx2(struct looking *s) {
+WIDE_TARGET void soup_walk_avx2(struct looking *s) {
     walk(s);
 }
 

@@ -2,9 +2,10 @@
 // call measures eight with SIMD. For query.c only.
 #pragma once
 
+#include "mesh/eights.h"
 #include "mesh/mesh.h"
 
-#define CLUSTER_SIZE 8
+#define CLUSTER_SIZE EIGHT
 #define CLUSTER_LEVELS_MAX 10 // 8^11 triangles
 
 typedef float cluster_lanes[CLUSTER_SIZE];

@@ -388,7 +388,7 @@ static int64_t ping_if_due(struct peer *peer, int64_t now_ns) {
         send_ping(peer);
     if (peer->pings < FAST_PINGS)
         return FAST_PING_NS;
-    return is_at_rest && !peer->unanswered_ns ? REST_LOOK_NS : PING_NS;
+    return is_at_rest && !peer->unanswered_ns && !peer->asks_late ? REST_LOOK_NS : PING_NS;
 }
 
 // While the station's frames come by datagram, its session lives without this connection for a

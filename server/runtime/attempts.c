@@ -95,7 +95,7 @@ static bool begin(struct worker *worker, struct station_runtime *station,
     attempt->number = session->attempts + 1;
     attempt->begun_ns = station->last_step_ns - session->snapshots.start_ns;
     attempt_init(&attempt->attempt);
-    station->marking.done_ns = 0; // who holds the pedal still has not done this one
+    station->marking.done.is_down = false; // who holds the pedal still has not done this one
     attempt_begun(attempt, &begun);
     if (!trace_append_begun(session->trace, &begun)) {
         attempt->number = 0; // nobody hears of it
@@ -126,10 +126,10 @@ bool attempts_leave(struct worker *worker, struct station_runtime *station, bool
     return has_ended;
 }
 
-void attempts_leave_practice(struct worker *worker, struct station_runtime *station) {
-    const struct session_attempt *attempt = station->session ? station->session->attempt : NULL;
-    if (attempt && attempt->purpose == ATTEMPT_PRACTICE)
-        attempts_leave(worker, station, true);
+bool attempts_leave_practice(struct worker *worker, struct station_runtime *station) {
+    const struct session_attempt *attempt = station->session->attempt;
+    return !attempt || attempt->purpose != ATTEMPT_PRACTICE ||
+           attempts_leave(worker, station, true);
 }
 
 // ---- steps --------------------------------------------------------------------------------------

@@ -13,8 +13,8 @@ bool attempts_take(struct worker *worker, struct station_runtime *station,
                    struct session_attempt *attempt);
 // False: none runs, or its trace has no room for the end now; then it goes on.
 bool attempts_leave(struct worker *worker, struct station_runtime *station, bool by_trainee);
-// By the trainee, as the pedal does: an exam goes on.
-void attempts_leave_practice(struct worker *worker, struct station_runtime *station);
+// By the trainee, as the pedal does: an exam goes on. False: the end has no room in the trace now.
+bool attempts_leave_practice(struct worker *worker, struct station_runtime *station);
 
 // Behind each step, once it is recorded.
 void attempts_step(struct worker *worker, struct station_runtime *station,

@@ -8,16 +8,18 @@
 
 #define MARKERS_HZ 20
 #define MARKERS_BURST 256
-#define DONE "done" // the name of the marker of the pedal that ends a trainee's attempt
 #define DONE_HELD_NS NS_PER_S
-#define AHEAD_NS NS_PER_S // a time of the future that is no error of the clocks
+#define DONE_FRESH_NS (NS_PER_S / 2) // a press that comes later has waited, and its release may too
+#define AHEAD_NS NS_PER_S            // a time of the future that is no error of the clocks
 
 void markers_join(struct station_runtime *station) {
     station->marking.holds = false;
+    station->marking.done.is_down = false; // its release may be lost
 }
 
 void markers_begin(struct station_runtime *station) {
     struct marking *m = &station->marking;
+    m->done.is_down = false;
     const struct marker *last = &station->session->marked;
     if (!m->run && last->number) {
         m->run = last->run;
@@ -53,8 +55,29 @@ static bool is_of_session(const struct station_runtime *station, const struct ma
            marker->time_ns <= step_now_ns(station) + AHEAD_NS;
 }
 
+// What waited somewhere tells how long the pedal was held once it is released.
+static void hear_done(struct worker *worker, struct station_runtime *station,
+                      const struct marker *marker) {
+    struct press *done = &station->marking.done;
+    if (strcmp(marker->name, MARKER_DONE) != 0)
+        return;
+    if (done->is_down && marker->value == 0 && marker->time_ns - done->time_ns >= DONE_HELD_NS)
+        attempts_leave_practice(worker, station);
+    *done = (struct press){.is_down = marker->value != 0,
+                           .is_fresh = step_now_ns(station) - marker->time_ns < DONE_FRESH_NS,
+                           .time_ns = marker->time_ns};
+}
+
+static void leave_if_held(struct worker *worker, struct station_runtime *station) {
+    struct press *done = &station->marking.done;
+    if (done->is_down && done->is_fresh && station->session && station->connection.connected &&
+        step_now_ns(station) - done->time_ns >= DONE_HELD_NS)
+        done->is_down = !attempts_leave_practice(worker, station);
+}
+
 // False where the trace has no room now.
-static bool record(struct station_runtime *station, const struct marker *marker) {
+static bool record(struct worker *worker, struct station_runtime *station,
+                   const struct marker *marker) {
     struct marking *m = &station->marking;
     if (!is_of_session(station, marker)) {
         atomic_fetch_add_explicit(&station->counts.markers_refused, 1, memory_order_relaxed);
@@ -64,6 +87,7 @@ static bool record(struct station_runtime *station, const struct marker *marker)
         return false;
     m->tells = true;
     m->recorded = (struct session_marker){station->session->serial, *marker};
+    hear_done(worker, station, marker);
     return true;
 }
 
@@ -78,21 +102,9 @@ static bool tell(struct worker *worker, struct station_runtime *station) {
     return true;
 }
 
-static void hear_done(struct marking *m, const struct marker *marker) {
-    if (!strcmp(marker->name, DONE))
-        m->done_ns = marker->value != 0 ? clock_now_ns() : 0;
-}
-
-static void leave_if_held(struct worker *worker, struct station_runtime *station) {
-    struct marking *m = &station->marking;
-    if (!m->done_ns || clock_now_ns() - m->done_ns < DONE_HELD_NS)
-        return;
-    m->done_ns = 0;
-    attempts_leave_practice(worker, station);
-}
-
 // False: it has to be held.
-static bool take(struct station_runtime *station, const struct station_marker *next) {
+static bool take(struct worker *worker, struct station_runtime *station,
+                 const struct station_marker *next) {
     struct marking *m = &station->marking;
     struct marker marker = next->marker;
     if (next->joins != station->connection.joins || !station->connection.clock_known ||
@@ -101,9 +113,8 @@ static bool take(struct station_runtime *station, const struct station_marker *n
     if (!is_known(m, &marker)) {
         marker.time_ns += clock_bridge_now(&station->bridge, station->connection.clock_offset_ns) +
                           station->session->ahead_ns;
-        if (!record(station, &marker))
+        if (!record(worker, station, &marker))
             return false;
-        hear_done(m, &marker);
         m->run = marker.run;
         m->number = marker.number;
         m->position = trace_position(station->session->trace);
@@ -122,11 +133,12 @@ static bool next_one(struct station_runtime *station) {
 void markers_take(struct worker *worker, struct station_runtime *station) {
     struct marking *m = &station->marking;
     acknowledge(worker, station);
-    leave_if_held(worker, station);
     while (tell(worker, station) && next_one(station)) {
         if (!bucket_take(&m->rate, MARKERS_HZ, MARKERS_BURST, clock_now_ns()) ||
-            !take(station, &m->held))
+            !take(worker, station, &m->held))
             return;
         m->holds = false;
     }
+    if (!m->holds)
+        leave_if_held(worker, station);
 }

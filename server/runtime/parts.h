@@ -43,6 +43,12 @@ struct station_marker {
 };
 
 // The markers of a station. The worker's alone.
+// Of a pedal, on the session's clock.
+struct press {
+    bool is_down, is_fresh;
+    int64_t time_ns;
+};
+
 struct marking {
     struct bucket rate;
     bool holds; // `held` could not be taken yet
@@ -51,8 +57,8 @@ struct marking {
     uint64_t position;    // behind it in the session's trace
     bool tells;           // `recorded` is still to be told
     struct session_marker recorded;
-    bool owes;       // its acknowledgement
-    int64_t done_ns; // since when the pedal that ends an attempt is held; 0: it is not
+    bool owes;         // its acknowledgement
+    struct press done; // of the pedal that ends an attempt
 };
 
 struct station_runtime {

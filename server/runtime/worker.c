@@ -215,7 +215,7 @@ static void look_again(struct worker *worker, const struct station_runtime *stat
                        int64_t now_ns) {
     const struct marking *m = &station->marking;
     int64_t in_ns = station->session && !is_at_rest(station, now_ns) ? EMPTY_STEP_NS : NS_PER_S;
-    if (m->holds || m->tells || m->owes || m->done_ns)
+    if (m->holds || m->tells || m->owes || m->done.is_down)
         in_ns = MARKS_NS;
     int64_t when_ns = now_ns + in_ns;
     if (in_ns == NS_PER_S) // together with others

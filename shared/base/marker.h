@@ -8,6 +8,9 @@
 
 #define MARKER_TEXT_MAX 32
 
+// The name of a pedal's marker: held for a second, it ends an attempt of practice. 0: it is let go.
+#define MARKER_DONE "attempt.done"
+
 struct marker {
     uint64_t run;    // of the station's program that made it: a random number
     uint64_t number; // in its run, from 1; a number that is missing was lost

@@ -170,15 +170,17 @@ int ws_server_places(int wanted, int spare, int *out_spare) {
 static enum result create_context(struct ws_server *server, struct lws_context_creation_info *info,
                                   struct error *err) {
     void *loops[] = {&server->loop};
-    server->has_loop = uv_loop_init(&server->loop) == 0;
-    if (!server->has_loop)
-        return fail(err, RESULT_LIMIT, "no descriptors are left to listen with");
+    int failure = uv_loop_init(&server->loop);
+    server->has_loop = failure == 0;
+    if (failure)
+        return fail(err, RESULT_IO, "cannot listen: %s", strerror(-failure));
     info->foreign_loops = loops;
     server->context = lws_create_context(info);
-    return server->context ? RESULT_OK
-                           : fail(err, RESULT_IO,
-                                  "libwebsockets does not start; its part libwebsockets-evlib-uv "
-                                  "may not be installed");
+    return server->context
+               ? RESULT_OK
+               : fail(err, RESULT_IO,
+                      "libwebsockets does not start: too few descriptors or too little memory are "
+                      "left, or its part libwebsockets-evlib-uv is not installed");
 }
 
 enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_creation_info *info,

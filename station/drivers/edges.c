@@ -40,6 +40,14 @@ bool edge_take_both(char *text) {
     return both;
 }
 
+enum result edge_check(const struct edge *edge, const struct device_config *config, const char *key,
+                       struct error *err) {
+    if (edge->each || strcmp(edge->name, MARKER_DONE) != 0)
+        return RESULT_OK;
+    return option_fail(config, key, err, RESULT_INVALID,
+                       "a pedal that is held is a bit, coil or input with \"both\"");
+}
+
 void edge_begin(struct edge *edge) {
     edge->known = false;
 }

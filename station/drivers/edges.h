@@ -25,6 +25,10 @@ enum result edge_init(struct edge *edge, const struct device_config *config, con
 // "WORD both" and the like: takes `both` off the end of a text. True: it was there.
 bool edge_take_both(char *text);
 
+// The config is read. RESULT_INVALID: a marker that is held (base/marker.h) needs `both`.
+enum result edge_check(const struct edge *edge, const struct device_config *config, const char *key,
+                       struct error *err);
+
 // The device is opened anew: nobody knows when what has changed since did so.
 void edge_begin(struct edge *edge);
 

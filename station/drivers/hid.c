@@ -153,7 +153,7 @@ static enum result add_mark(struct handle_device *d, const struct device_config 
         return option_fail(config, option->key, err, RESULT_INVALID,
                            "\"%s\" is not bit [REPORT:]BIT [both]", option->value);
     layout->mark_count++;
-    return RESULT_OK;
+    return edge_check(edge, config, option->key, err);
 }
 
 static enum result read_marks(struct handle_device *d, const struct device_config *config,

@@ -57,7 +57,7 @@ static enum result add(struct modbus_edges *e, const struct device_config *confi
                            "from %d",
                            option->value, numbering->first, numbering->first ? 1 : 0);
     e->count++;
-    return RESULT_OK;
+    return edge_check(&edge->edge, config, option->key, err);
 }
 
 // One request for all coils, and one for all inputs.

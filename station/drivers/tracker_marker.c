@@ -25,7 +25,7 @@ static enum result add(struct tracker_markers *m, const struct device_config *co
                            IGTL_DEVICE_SIZE - 1);
     strcpy(marker->device, device);
     m->count++;
-    return RESULT_OK;
+    return edge_check(&marker->edge, config, option->key, err);
 }
 
 enum result tracker_markers_configure(const struct device_config *config,

@@ -12,13 +12,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define FAST_PINGS 10
-#define FAST_PING_US (20 * LWS_US_PER_MS)
-#define PING_US LWS_USEC_PER_SEC
-#define PING_NS NS_PER_S
-#define REST_PING_NS (8 * NS_PER_S)
-#define UNANSWERED_NS (4 * NS_PER_S)
-#define SILENCE_BESIDE_DATAGRAMS_NS (60 * NS_PER_S)
 #define DATAGRAMS_LIVE_NS (2 * NS_PER_S)
 #define CONNECT_S 5
 #define QUEUE_LENGTH 16
@@ -186,8 +179,7 @@ static int64_t shortest_round_trip(const struct clock_offset *clock) {
 static void hear_pong(struct link *link, const arthron_Pong *pong, int64_t received_ns) {
     struct control_connection *control = &link->control;
     int64_t offset_ns, uncertainty_ns;
-    control->heard_ns = received_ns;
-    control->unanswered_ns = 0;
+    pings_answered(&control->pings, received_ns);
     if (pong->sent_ns < 0 || pong->sent_ns > received_ns || !is_remote_time(pong->received_ns) ||
         !is_remote_time(pong->answered_ns) ||
         !clock_offset_add(&control->clock, pong->sent_ns, pong->received_ns, pong->answered_ns,
@@ -310,53 +302,30 @@ static int hear(struct link *link, const void *bytes, size_t size) {
     return hear_message(link, &control->message, now_ns);
 }
 
-// While replies come by datagram, the session lives without this connection for a while.
-static bool is_silent(struct link *link, int64_t now_ns) {
-    const struct control_connection *control = &link->control;
-    bool beside = now_ns - atomic_load(&link->datagram_ns) < DATAGRAMS_LIVE_NS;
-    return control->unanswered_ns && now_ns - control->unanswered_ns > UNANSWERED_NS &&
-           (!beside || now_ns - control->heard_ns > SILENCE_BESIDE_DATAGRAMS_NS);
-}
-
-static void send_ping(struct link *link, int64_t now_ns) {
-    struct control_connection *control = &link->control;
+static void ping(struct link *link, int64_t now_ns) {
+    struct pings *pings = &link->control.pings;
     arthron_Control message = {.which_message = arthron_Control_ping_tag};
-    message.message.ping.sent_ns = control->ping_ns = now_ns;
-    message.message.ping.rests = control->rests;
+    if (!pings_due(pings, atomic_load(&link->frames_sent), now_ns))
+        return;
+    message.message.ping = (arthron_Ping){.sent_ns = now_ns, .rests = pings->rests};
     say(link, &message);
-    if (!control->unanswered_ns)
-        control->unanswered_ns = now_ns;
-    control->pings++;
-}
-
-// A station that sends no frames rests. After a rest the clock is asked for as at the beginning.
-static void ping_if_due(struct link *link, int64_t now_ns) {
-    struct control_connection *control = &link->control;
-    int64_t since_ns = now_ns - control->ping_ns;
-    uint64_t frames = atomic_load(&link->frames_sent);
-    bool rested = control->rests;
-    control->rests = control->pings >= FAST_PINGS && frames == control->frames_before;
-    control->frames_before = frames;
-    if (rested && !control->rests)
-        control->pings = 0;
-    if (control->pings < FAST_PINGS || !rested || since_ns > REST_PING_NS - 2 * PING_NS)
-        send_ping(link, now_ns);
 }
 
 static int tick(struct link *link) {
     struct control_connection *control = &link->control;
     int64_t now_ns = clock_now_ns();
-    if (is_silent(link, now_ns)) {
+    bool has_datagrams = now_ns - atomic_load(&link->datagram_ns) < DATAGRAMS_LIVE_NS;
+    if (pings_are_missed(&control->pings, has_datagrams, now_ns)) {
         log_warning("link", "no answer from the server for %d s",
-                    (int)((now_ns - control->heard_ns) / NS_PER_S));
+                    (int)((now_ns - control->pings.answered_ns) / NS_PER_S));
         return -1;
     }
     if (atomic_load(&link->keys_changed)) { // only a new connection can show them
         log_info("link", "the station's certificate has changed: connecting again");
         return -1;
     }
-    ping_if_due(link, now_ns);
-    lws_set_timer_usecs(control->socket, control->pings < FAST_PINGS ? FAST_PING_US : PING_US);
+    ping(link, now_ns);
+    lws_set_timer_usecs(control->socket, pings_next_ns(&control->pings) / 1000);
     return 0;
 }
 
@@ -423,10 +392,8 @@ static void connected(struct link *link, struct lws *socket) {
         ;
     control->socket = socket;
     control->clock = (struct clock_offset){0};
-    control->pings = 0;
-    control->unanswered_ns = 0;
     control->used = 0;
-    control->heard_ns = clock_now_ns();
+    pings_begin(&control->pings, clock_now_ns());
     control->welcomed = false;
     control->meshes = false;
     control->session_open = false;

@@ -7,6 +7,7 @@
 #include "link/link.h"
 #include "link/meshes.h"
 #include "link/path.h"
+#include "link/pings.h"
 #include "link/renewal.h"
 #include "link/trust.h"
 #include "link/udp.h"
@@ -49,12 +50,8 @@ struct control_connection {
     bool path;         // too: challenges come in replies
     bool markers;      // too
     bool session_open; // the server said that it takes frames
-    int pings;
-    int64_t ping_ns, heard_ns; // the last Ping, the last Pong
-    int64_t unanswered_ns;     // the first Ping without a Pong; 0: there is none
-    uint64_t frames_before;    // that were sent by the last tick
-    bool rests;                // none since then
-    size_t used;               // of incoming
+    struct pings pings;
+    size_t used; // of incoming
     uint8_t incoming[WIRE_CHUNK_MAX];
     arthron_Control message;
     arthron_MeshChunk chunk;

@@ -384,18 +384,23 @@ static bool runs(struct sessions *sessions) {
 static void a_pedal_that_is_held_ends_practice(void **state) {
     (void)state;
     struct sessions *sessions = begin();
-    hall_press(sessions, 1, "done", true); // and held from before
+    hall_press(sessions, 1, MARKER_DONE, true); // and held from before
     hall_wait_ms(100);
     begin_task(sessions, "late");
     hall_wait_ms(1500);
     assert_true(runs(sessions));
-    hall_press(sessions, 2, "done", true);
+    hall_press(sessions, 2, MARKER_DONE, true);
     hall_press(sessions, 3, "start", true);
     hall_wait_ms(300);
-    hall_press(sessions, 4, "done", false); // too soon
+    hall_press(sessions, 4, MARKER_DONE, false); // too soon
     hall_wait_ms(1500);
     assert_true(runs(sessions));
-    hall_press(sessions, 5, "done", true);
+    hall_press(sessions, 5, MARKER_DONE, true);
+    hall_leave(sessions); // the release is lost
+    hall_connect(sessions, 1);
+    hall_wait_ms(1500);
+    assert_true(runs(sessions));
+    hall_press(sessions, 7, MARKER_DONE, true);
     assert_int_equal(wait_for_end(sessions).end, arthron_AttemptState_End_LEFT);
     assert_int_equal(judge_all(sessions, 1)->all[0].attempt.end, ATTEMPT_LEFT);
     sessions_destroy(&sessions);
@@ -406,7 +411,7 @@ static void a_pedal_ends_no_exam(void **state) {
     struct sessions *sessions = begin();
     begin_task(sessions, "late");
     sessions->runtime->stations[0].session->attempt->purpose = ATTEMPT_EXAM;
-    hall_press(sessions, 1, "done", true);
+    hall_press(sessions, 1, MARKER_DONE, true);
     hall_wait_ms(1500);
     assert_true(runs(sessions));
     sessions_destroy(&sessions);

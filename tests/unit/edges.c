@@ -154,6 +154,7 @@ static void keys_that_say_nothing_are_refused_by_name(void **state) {
         {"marker.a", "register 1 x"},
         {"marker.a", "button 1"},
         {"marker.a", ""},
+        {"marker.attempt.done", "coil 1"},
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         struct modbus_edges edges;

@@ -1,5 +1,6 @@
-#include "match/soup.h"
-
+#define WIDE 4
+#define WIDE_TARGET
+#include "match/soup_walk.h"
 #include "random.h"
 #include "test.h"
 
@@ -17,6 +18,29 @@ static struct soup_closest by_brute_force(const struct soup *soup,
             best = found;
     }
     return best;
+}
+
+static struct soup_closest by_level(const struct soup *soup, const struct soup_search *search,
+                                    void (*walk_level)(struct looking *)) {
+    struct soup_closest best;
+    struct looking looking = soup_begin(soup, search, &best);
+    walk_level(&looking);
+    return best;
+}
+
+static void assert_same_at_every_cpu_level(const struct soup *soup,
+                                           const struct soup_search *search) {
+    struct soup_closest plain = by_level(soup, search, soup_walk_plain);
+    struct soup_closest expected = by_brute_force(soup, search);
+    assert_int_equal(plain.index, expected.index);
+    assert_true(plain.distance == expected.distance);
+#ifdef __x86_64__
+    if (!__builtin_cpu_supports("avx2"))
+        return;
+    struct soup_closest wide = by_level(soup, search, soup_walk_avx2);
+    assert_int_equal(wide.index, expected.index);
+    assert_true(wide.distance == expected.distance);
+#endif
 }
 
 static void random_triangle(struct random *r, vec3 out[3]) {
@@ -41,6 +65,7 @@ static void assert_all_found(struct soup *soup, struct random *r, int searches) 
         assert_int_equal(soup_closest(soup, &search, &found), expected.index != MESH_NONE);
         assert_int_equal(found.index, expected.index);
         assert_true(found.distance == expected.distance);
+        assert_same_at_every_cpu_level(soup, &search);
     }
 }
 

@@ -10,7 +10,7 @@ const struct message_row message_rows[] = {
     ROW("nothing", KIND_CONTROL, RESULT_OK, ""),
     ROW("a message of an unknown kind", KIND_CONTROL, RESULT_OK, "\xa2\x06\x01x"),
     ROW("an unknown number beside a ping", KIND_CONTROL, RESULT_OK, "\x22\x00\xa0\x06\x05"),
-    ROW("an unknown field in a ping", KIND_CONTROL, RESULT_OK, "\x22\x03\x12\x01x"),
+    ROW("an unknown field in a ping", KIND_CONTROL, RESULT_OK, "\x22\x03\x72\x01x"),
     ROW("field number 0", KIND_CONTROL, RESULT_FORMAT, "\x02\x00"),
     ROW("a group", KIND_CONTROL, RESULT_FORMAT, "\x23\x24"),
     ROW("wire type 7", KIND_CONTROL, RESULT_FORMAT, "\x27"),

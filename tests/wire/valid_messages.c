@@ -209,7 +209,7 @@ void fill_control(int which, arthron_Control *out) {
         out->message.refusal = (arthron_Refusal){arthron_Refusal_Reason_BUSY, "too many"};
         break;
     case arthron_Control_ping_tag:
-        out->message.ping.sent_ns = 1;
+        out->message.ping = (arthron_Ping){.sent_ns = 1, .rests = true};
         break;
     case arthron_Control_pong_tag:
         out->message.pong = (arthron_Pong){1, 2, -3};

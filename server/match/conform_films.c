@@ -76,12 +76,12 @@ static void add_without_films(struct conform *c, const vec3 corners[3],
 void conform_leave_out_films(struct conform *c) {
     soup_clear(&c->target);
     for (uint32_t i = 0; i < c->whole_target.count; i++) {
-        const struct soup_triangle *t = &c->whole_target.at[i];
-        find_across(c, t);
+        const struct soup_triangle t = c->whole_target.at[i];
+        find_across(c, &t);
         if (!c->across_count)
-            soup_add(&c->target, t->corners, t->id, t->mark);
+            soup_add(&c->target, t.corners, t.id, t.mark);
         else
-            add_without_films(c, t->corners, t, 2);
+            add_without_films(c, t.corners, &t, 2);
     }
     soup_build(&c->target);
 }

@@ -99,17 +99,13 @@ void soup_settle(struct soup *soup) {
                       &soup->blocks[soup->starts[level - 1] + i]);
 }
 
-static uint32_t eighth(uint32_t count) {
-    return count / EIGHT + (count % EIGHT > 0);
-}
-
 static void make_levels(struct soup *soup) {
     uint32_t blocks = 0, boxes = soup->count;
-    for (soup->level_count = 0; !soup->level_count || boxes > 1; boxes = eighth(boxes)) {
+    for (soup->level_count = 0; !soup->level_count || boxes > 1; boxes = eights_count(boxes)) {
         CHECK(soup->level_count < SOUP_LEVELS_MAX);
         soup->starts[soup->level_count] = blocks;
         soup->counts[soup->level_count++] = boxes;
-        blocks += eighth(boxes);
+        blocks += eights_count(boxes);
     }
     room_for(&soup->blocks, &soup->block_room, blocks);
     memset(soup->blocks, 0, blocks * sizeof *soup->blocks);

@@ -80,16 +80,12 @@ static float *triangle_middles(const struct mesh *mesh) {
     return middles;
 }
 
-static uint32_t eighth(uint32_t count) {
-    return (uint32_t)(((uint64_t)count + CLUSTER_SIZE - 1) / CLUSTER_SIZE);
-}
-
 static void make_clusters(struct cluster_tree *tree, const struct mesh *mesh) {
     uint32_t count = mesh->triangle_count;
     struct eights_item *items = alloc(count, sizeof *items);
     float *middles = triangle_middles(mesh);
     eights_order(middles, count, items);
-    tree->counts[0] = eighth(count);
+    tree->counts[0] = eights_count(count);
     tree->clusters = alloc_aligned(64, tree->counts[0] * sizeof *tree->clusters);
     for (uint32_t i = 0; i < tree->counts[0]; i++) {
         uint32_t first = i * CLUSTER_SIZE, left = count - first;
@@ -146,8 +142,8 @@ void cluster_tree_init(struct cluster_tree *tree, const struct mesh *mesh) {
     for (int level = 0; level == 0 || tree->counts[level - 1] > CLUSTER_SIZE; level++) {
         CHECK(level < CLUSTER_LEVELS_MAX);
         if (level > 0)
-            tree->counts[level] = eighth(tree->counts[level - 1]);
-        tree->levels[level] = empty_boxes(eighth(tree->counts[level]));
+            tree->counts[level] = eights_count(tree->counts[level - 1]);
+        tree->levels[level] = empty_boxes(eights_count(tree->counts[level]));
         tree->level_count = level + 1;
         if (level == 0)
             box_clusters(tree, mesh);

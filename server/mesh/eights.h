@@ -5,6 +5,11 @@
 
 #define EIGHT 8
 
+// Of so many.
+static inline uint32_t eights_count(uint32_t count) {
+    return count / EIGHT + (count % EIGHT > 0);
+}
+
 struct eights_item {
     float at; // scratch
     uint32_t number;

@@ -67,7 +67,7 @@ static bool is_in_centre(const struct goal *goal, const struct looking *looking,
 
 static bool is_point_seen(const struct goal *goal, const struct site *site, int index,
                           const struct looking *looking, uint32_t cut, vec3 p,
-                          struct site_hint *hint) {
+                          struct sight_hint *hint) {
     vec3 scope = looking->T_mockup_scope.translation;
     double distance = vec3_distance(p, scope);
     return distance <= goal->within_mm && distance >= goal->beyond_mm &&

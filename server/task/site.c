@@ -1,7 +1,6 @@
 #include "task/site.h"
 
 #include "base/check.h"
-#include "mesh/sight.h"
 #include "mesh/solid.h"
 
 #include <stdlib.h>
@@ -19,8 +18,9 @@ struct site {
     struct site_goal goals[TASK_GOALS_MAX];
     int error_tool[TASK_ERRORS_MAX]; // -1: any but an optic
     uint32_t error_groups[TASK_ERRORS_MAX];
-    struct mesh shown[CASE_GROUPS_MAX]; // of groups that hide
-    struct sight *sights[CASE_GROUPS_MAX];
+    uint32_t hiding;                    // groups that hide, a bit each
+    struct mesh shown[CASE_GROUPS_MAX]; // of those
+    struct sight *sights[BODY_COUNT];
     int tissue[CASE_GROUPS_MAX]; // -1: it cannot be cut
 };
 
@@ -30,7 +30,7 @@ struct finder {
     struct solid solids[CASE_GROUPS_MAX]; // of a NULL mesh: not made yet
 };
 
-_Static_assert(CASE_GROUPS_MAX <= 32, "a bit for each group");
+_Static_assert(CASE_GROUPS_MAX <= SIGHT_MESHES_MAX, "a bit for each group");
 
 // ---- places -------------------------------------------------------------------------------------
 
@@ -265,16 +265,19 @@ static enum result find_error(struct site *site, int index, struct error *err) {
 // ---- what hides ---------------------------------------------------------------------------------
 
 static enum result build_sights(struct site *site, struct error *err) {
+    uint32_t of_body[BODY_COUNT] = {0};
     for (int i = 0; i < site->knee->group_count; i++) {
         const struct case_group *group = &site->knee->groups[i];
         if (group->bridges || case_group_is_skin(group))
             continue;
         case_group_virtual(group, &site->shown[i]);
-        enum result result = sight_create(&site->shown[i], &site->sights[i], err);
-        if (result != RESULT_OK)
-            return result;
+        of_body[group->body] |= 1u << i;
+        site->hiding |= 1u << i;
     }
-    return RESULT_OK;
+    enum result result = RESULT_OK;
+    for (enum body body = 0; body < BODY_COUNT && result == RESULT_OK; body++)
+        result = sight_create(site->shown, of_body[body], &site->sights[body], err);
+    return result;
 }
 
 struct site_eye site_eye_before(const pose T_mockup_virtual[BODY_COUNT], vec3 at) {
@@ -290,25 +293,23 @@ struct site_eye site_eye(const struct session_output *output, vec3 at) {
     return site_eye_before(output->T_mockup_virtual, at);
 }
 
-static bool is_hidden_by(const struct site *site, int group, const struct site_eye *eye,
-                         uint32_t cut, vec3 to, uint32_t *triangle) {
-    enum body body = site->knee->groups[group].body;
-    bool was_cut = site->tissue[group] >= 0 && (cut >> site->tissue[group] & 1);
-    return site->sights[group] && !was_cut &&
-           !sight_is_clear(site->sights[group], eye->in_body[body],
-                           pose_apply(eye->T_body_mockup[body], to), SITE_SPARE_MM, triangle);
+static uint32_t still_hiding(const struct site *site, uint32_t cut) {
+    uint32_t groups = site->hiding;
+    for (int i = 0; cut && i < site->knee->group_count; i++)
+        if (site->tissue[i] >= 0 && (cut >> site->tissue[i] & 1))
+            groups &= ~(1u << i);
+    return groups;
 }
 
 bool site_sees(const struct site *site, const struct site_eye *eye, uint32_t cut, vec3 to,
-               struct site_hint *hint) {
-    if (is_hidden_by(site, hint->group, eye, cut, to, &hint->triangle))
-        return false;
-    for (int i = 0; i < site->knee->group_count; i++) {
-        uint32_t triangle = 0;
-        if (i == hint->group || !is_hidden_by(site, i, eye, cut, to, &triangle))
-            continue;
-        *hint = (struct site_hint){i, triangle};
-        return false;
+               struct sight_hint *hint) {
+    uint32_t hiding = still_hiding(site, cut);
+    enum body first = site->knee->groups[hint->mesh].body;
+    for (int i = 0; i < BODY_COUNT; i++) {
+        enum body body = (first + i) % BODY_COUNT;
+        if (!sight_is_clear(site->sights[body], hiding, eye->in_body[body],
+                            pose_apply(eye->T_body_mockup[body], to), SITE_SPARE_MM, hint))
+            return false;
     }
     return true;
 }
@@ -358,10 +359,10 @@ enum result site_create(const struct task *task, const struct scene *scene,
 void site_destroy(struct site **site) {
     if (!*site)
         return;
-    for (int i = 0; i < CASE_GROUPS_MAX; i++) {
-        sight_destroy(&(*site)->sights[i]);
+    for (enum body body = 0; body < BODY_COUNT; body++)
+        sight_destroy(&(*site)->sights[body]);
+    for (int i = 0; i < CASE_GROUPS_MAX; i++)
         mesh_fini(&(*site)->shown[i]);
-    }
     free(*site);
     *site = NULL;
 }

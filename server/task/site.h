@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/instrument.h"
+#include "mesh/sight.h"
 #include "step/optic.h"
 #include "step/output.h"
 #include "step/scene.h"
@@ -72,16 +73,10 @@ struct site_eye {
 struct site_eye site_eye(const struct session_output *output, vec3 at);
 struct site_eye site_eye_before(const pose T_mockup_virtual[BODY_COUNT], vec3 at);
 
-// What lay in between at the last time. Zeroed it is of the first time.
-struct site_hint {
-    int32_t group;
-    uint32_t triangle;
-};
-
 // Whether no surface as the patient has it lies between the eye and a point of the mock-up's frame.
-// The hint changes no answer: it makes one cheap. Ligaments that
-// bridge two bones and the skin hide nothing, and neither does a tissue from which something was
-// cut (`cut`, a bit each), nor what lies within SITE_SPARE_MM of `to`.
+// Ligaments that bridge two bones and the skin hide nothing. Neither does a tissue from which
+// something was cut (`cut`, a bit each), nor what lies within SITE_SPARE_MM of `to`. The hint's
+// mesh is a group of the case.
 #define SITE_SPARE_MM 3.0
 bool site_sees(const struct site *site, const struct site_eye *eye, uint32_t cut, vec3 to,
-               struct site_hint *hint);
+               struct sight_hint *hint);

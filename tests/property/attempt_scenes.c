@@ -57,7 +57,7 @@ static vec3 before_patella(double away_mm) {
 
 static bool shows(vec3 scope, vec3 at) {
     struct site_eye eye = site_eye(&output, scope);
-    return site_sees(site, &eye, 0, at, &(struct site_hint){0});
+    return site_sees(site, &eye, 0, at, &(struct sight_hint){0});
 }
 
 // Of the landmark's places that the scope sees.

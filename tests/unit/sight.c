@@ -37,15 +37,15 @@ static void agree_on(const struct mesh *mesh, double half, double spare) {
     struct random r = {7};
     struct sight *sight;
     struct error err;
-    uint32_t hint = 0; // goes from case to case, as it changes no answer
+    struct sight_hint hint = {0}; // goes from case to case, as it changes no answer
     int hidden = 0, clear = 0;
-    assert_ok(sight_create(mesh, &sight, &err));
+    assert_ok(sight_create(mesh, 1, &sight, &err));
     for (int i = 0; i < CASES; i++) {
         vec3 from = random_in_box(&r, half), to = random_in_box(&r, half);
         int expected = brute_crosses(mesh, from, to, spare);
         if (expected < 0)
             continue;
-        if (sight_is_clear(sight, from, to, spare, &hint) != !expected)
+        if (sight_is_clear(sight, 1, from, to, spare, &hint) != !expected)
             fail_msg("case %d: brute force says %d", i, expected);
         hidden += expected;
         clear += !expected;
@@ -75,14 +75,14 @@ static void a_way_within_what_is_spared_is_clear(void **state) {
     struct mesh mesh;
     struct sight *sight;
     struct error err;
-    uint32_t hint = 0;
+    struct sight_hint hint = {0};
     shape_grid(&mesh, 10, 1);
-    assert_ok(sight_create(&mesh, &sight, &err));
+    assert_ok(sight_create(&mesh, 1, &sight, &err));
     vec3 above = {1, 2, 1}, below = {1, 2, -1};
-    assert_false(sight_is_clear(sight, above, below, 0.9, &hint));
-    assert_true(sight_is_clear(sight, above, below, 1.1, &hint));
-    assert_true(sight_is_clear(sight, above, below, 5, &hint));
-    assert_true(sight_is_clear(sight, above, above, 0, &hint));
+    assert_false(sight_is_clear(sight, 1, above, below, 0.9, &hint));
+    assert_true(sight_is_clear(sight, 1, above, below, 1.1, &hint));
+    assert_true(sight_is_clear(sight, 1, above, below, 5, &hint));
+    assert_true(sight_is_clear(sight, 1, above, above, 0, &hint));
     sight_destroy(&sight);
     mesh_fini(&mesh);
 }
@@ -93,14 +93,50 @@ static void no_ray_passes_an_edge(void **state) {
     struct mesh mesh;
     struct sight *sight;
     struct error err;
-    uint32_t hint = 0;
+    struct sight_hint hint = {0};
     shape_grid(&mesh, 10, 4);
-    assert_ok(sight_create(&mesh, &sight, &err));
+    assert_ok(sight_create(&mesh, 1, &sight, &err));
     for (int i = -99; i < 100; i++)
-        assert_false(sight_is_clear(sight, (vec3){0.1 * i, 0.1 * i, 20},
+        assert_false(sight_is_clear(sight, 1, (vec3){0.1 * i, 0.1 * i, 20},
                                     (vec3){0.1 * i, 0.1 * i, -20}, 0, &hint));
     sight_destroy(&sight);
     mesh_fini(&mesh);
+}
+
+// Each case asks all sets of three meshes; the sight is of two of them.
+static void only_the_meshes_asked_for_count(void **state) {
+    (void)state;
+    enum { MESHES = 3, OF_SIGHT = 5 };
+    struct mesh meshes[MESHES];
+    struct sight *sight;
+    struct sight_hint hint = {1, 0}; // of a mesh that the sight does not have
+    struct random r = {11};
+    struct error err;
+    int hidden_by[MESHES] = {0};
+    for (int i = 0; i < MESHES; i++)
+        shape_bumpy(&meshes[i], (vec3){20 - 5 * i, 12 + 6 * i, 15}, 2, 12, 3 + (uint64_t)i);
+    assert_ok(sight_create(meshes, OF_SIGHT, &sight, &err));
+    for (int i = 0; i < CASES / 8; i++) {
+        vec3 from = random_in_box(&r, 40), to = random_in_box(&r, 40);
+        int crosses[MESHES];
+        for (int k = 0; k < MESHES; k++)
+            hidden_by[k] += crosses[k] = brute_crosses(&meshes[k], from, to, 1);
+        for (uint32_t which = 0; which < 1u << MESHES; which++) {
+            bool hidden = false, near_an_edge = false;
+            for (int k = 0; k < MESHES; k++) {
+                bool counts = which & OF_SIGHT & 1u << k;
+                hidden |= counts && crosses[k] == 1;
+                near_an_edge |= counts && crosses[k] < 0;
+            }
+            if (!near_an_edge)
+                assert_int_equal(sight_is_clear(sight, which, from, to, 1, &hint), !hidden);
+        }
+    }
+    for (int k = 0; k < MESHES; k++)
+        assert_in_range(hidden_by[k], CASES / 80, CASES);
+    sight_destroy(&sight);
+    for (int i = 0; i < MESHES; i++)
+        mesh_fini(&meshes[i]);
 }
 
 int main(void) {
@@ -108,6 +144,7 @@ int main(void) {
         cmocka_unit_test(it_agrees_with_every_triangle_in_turn),
         cmocka_unit_test(a_way_within_what_is_spared_is_clear),
         cmocka_unit_test(no_ray_passes_an_edge),
+        cmocka_unit_test(only_the_meshes_asked_for_count),
     };
     return cmocka_run_group_tests_name("sight", tests, NULL, NULL);
 }

@@ -63,8 +63,7 @@ static void take_place(struct seeking *s, const struct spot *spot) {
 // ---- one tip ------------------------------------------------------------------------------------
 
 static bool is_shown(const struct seeking *s, vec3 tip, vec3 place) {
-    struct site_eye eye = site_eye_before(s->T_mockup_virtual, tip);
-    return site_sees(s->p->site, &eye, s->cut, place, &(struct sight_hint){0});
+    return site_sees(s->p->site, s->T_mockup_virtual, tip, s->cut, place, &(struct sight_hint){0});
 }
 
 // Noise does not take it out of sight.

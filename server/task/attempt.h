@@ -48,7 +48,7 @@ struct occurrence {
 
 // What makes the next step's answers cheap, and changes none.
 struct goal_hints {
-    int32_t shown;                              // of the landmark's points, the one seen last
+    int32_t shown;                               // of the landmark's points, the one seen last
     struct sight_hint hidden_by[SITE_SHOWN_MAX]; // of each point
 };
 

@@ -27,7 +27,6 @@ struct looking looking_at(const struct site *site, const struct session_output *
                                        optic_axis(site_optic(site), o->T_mockup_warped),
                                        0.5 * site_optic(site)->field_deg};
     }
-    looking.eye = site_eye(output, looking.T_mockup_scope.translation);
     return looking;
 }
 
@@ -66,13 +65,13 @@ static bool is_in_centre(const struct goal *goal, const struct looking *looking,
 }
 
 static bool is_point_seen(const struct goal *goal, const struct site *site, int index,
-                          const struct looking *looking, uint32_t cut, vec3 p,
-                          struct sight_hint *hint) {
+                          const struct session_output *output, const struct looking *looking,
+                          uint32_t cut, vec3 p, struct sight_hint *hint) {
     vec3 scope = looking->T_mockup_scope.translation;
     double distance = vec3_distance(p, scope);
     return distance <= goal->within_mm && distance >= goal->beyond_mm &&
            is_in_centre(goal, looking, site_goal(site, index)->seen_cosine, p, distance) &&
-           site_sees(site, &looking->eye, cut, p, hint);
+           site_sees(site, output->T_mockup_virtual, scope, cut, p, hint);
 }
 
 // Whether all points of the landmark are clearly beside the picture, too far or too near.
@@ -80,7 +79,7 @@ static bool is_out_of_sight(const struct goal *goal, const struct site *site, in
                             const struct session_output *output, const struct looking *looking) {
     const struct site_goal *g = site_goal(site, index);
     vec3 middle = pose_apply(output->T_mockup_virtual[g->see.body], g->see.middle);
-    vec3 way = vec3_sub(middle, looking->eye.at);
+    vec3 way = vec3_sub(middle, looking->T_mockup_scope.translation);
     double distance = vec3_length(way), radius = g->see.radius_mm + CLEARLY_MM;
     return distance - radius > goal->within_mm || distance + radius < goal->beyond_mm ||
            vec3_dot(looking->axis, way) + radius < g->seen_cosine * (distance - radius);
@@ -100,8 +99,8 @@ bool goal_is_seen(const struct goal *goal, const struct site *site, int index,
     const pose *T = &output->T_mockup_virtual[spot->body];
     for (int k = 0; k < spot->shown_count; k++) {
         int i = (hints->shown + k) % spot->shown_count;
-        if (!is_point_seen(goal, site, index, looking, attempt->cut, pose_apply(*T, spot->shown[i]),
-                           &hints->hidden_by[i]))
+        if (!is_point_seen(goal, site, index, output, looking, attempt->cut,
+                           pose_apply(*T, spot->shown[i]), &hints->hidden_by[i]))
             continue;
         hints->shown = i;
         return true;

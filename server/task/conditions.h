@@ -10,7 +10,6 @@ struct looking {
     pose T_mockup_scope; // as it is shown
     vec3 axis;           // where it looks, a unit vector
     double half_field_deg;
-    struct site_eye eye; // where the scope's tip is shown
 };
 
 struct looking looking_at(const struct site *site, const struct session_output *output);

@@ -280,19 +280,6 @@ static enum result build_sights(struct site *site, struct error *err) {
     return result;
 }
 
-struct site_eye site_eye_before(const pose T_mockup_virtual[BODY_COUNT], vec3 at) {
-    struct site_eye eye = {.at = at};
-    for (enum body body = 0; body < BODY_COUNT; body++) {
-        eye.T_body_mockup[body] = pose_inverse(T_mockup_virtual[body]);
-        eye.in_body[body] = pose_apply(eye.T_body_mockup[body], at);
-    }
-    return eye;
-}
-
-struct site_eye site_eye(const struct session_output *output, vec3 at) {
-    return site_eye_before(output->T_mockup_virtual, at);
-}
-
 static uint32_t still_hiding(const struct site *site, uint32_t cut) {
     uint32_t groups = site->hiding;
     for (int i = 0; cut && i < site->knee->group_count; i++)
@@ -301,14 +288,15 @@ static uint32_t still_hiding(const struct site *site, uint32_t cut) {
     return groups;
 }
 
-bool site_sees(const struct site *site, const struct site_eye *eye, uint32_t cut, vec3 to,
-               struct sight_hint *hint) {
+bool site_sees(const struct site *site, const pose T_mockup_virtual[BODY_COUNT], vec3 from,
+               uint32_t cut, vec3 to, struct sight_hint *hint) {
     uint32_t hiding = still_hiding(site, cut);
     enum body first = site->knee->groups[hint->mesh].body;
     for (int i = 0; i < BODY_COUNT; i++) {
         enum body body = (first + i) % BODY_COUNT;
-        if (!sight_is_clear(site->sights[body], hiding, eye->in_body[body],
-                            pose_apply(eye->T_body_mockup[body], to), SITE_SPARE_MM, hint))
+        pose T = T_mockup_virtual[body];
+        if (!sight_is_clear(site->sights[body], hiding, pose_apply_inverse(T, from),
+                            pose_apply_inverse(T, to), SITE_SPARE_MM, hint))
             return false;
     }
     return true;

@@ -65,18 +65,10 @@ int site_tissue(const struct site *site, int group); // index of what can be cut
 bool site_error_concerns(const struct site *site, int error, int tool);
 bool site_error_has_group(const struct site *site, int error, int group);
 
-// A point of the mock-up's frame from which one looks, and the bones as they are shown.
-struct site_eye {
-    vec3 at, in_body[BODY_COUNT];
-    pose T_body_mockup[BODY_COUNT];
-};
-struct site_eye site_eye(const struct session_output *output, vec3 at);
-struct site_eye site_eye_before(const pose T_mockup_virtual[BODY_COUNT], vec3 at);
-
-// Whether no surface as the patient has it lies between the eye and a point of the mock-up's frame.
+// Whether no surface as the patient has it lies between two points of the mock-up's frame.
 // Ligaments that bridge two bones and the skin hide nothing. Neither does a tissue from which
 // something was cut (`cut`, a bit each), nor what lies within SITE_SPARE_MM of `to`. The hint's
 // mesh is a group of the case.
 #define SITE_SPARE_MM 3.0
-bool site_sees(const struct site *site, const struct site_eye *eye, uint32_t cut, vec3 to,
-               struct sight_hint *hint);
+bool site_sees(const struct site *site, const pose T_mockup_virtual[BODY_COUNT], vec3 from,
+               uint32_t cut, vec3 to, struct sight_hint *hint);

@@ -56,8 +56,7 @@ static vec3 before_patella(double away_mm) {
 }
 
 static bool shows(vec3 scope, vec3 at) {
-    struct site_eye eye = site_eye(&output, scope);
-    return site_sees(site, &eye, 0, at, &(struct sight_hint){0});
+    return site_sees(site, output.T_mockup_virtual, scope, 0, at, &(struct sight_hint){0});
 }
 
 // Of the landmark's places that the scope sees.
@@ -105,8 +104,7 @@ static vec3 way_to_shown(void) {
     vec3 scope = before_patella(AWAY_MM), way = {INFINITY, 0, 0};
     for (int i = 0; i < spot->shown_count; i++) {
         vec3 now = vec3_sub(spot->shown[i], scope);
-        if (vec3_length(now) < vec3_length(way) &&
-            shows(scope, spot->shown[i]))
+        if (vec3_length(now) < vec3_length(way) && shows(scope, spot->shown[i]))
             way = now;
     }
     return vec3_unit_or(way, forward);

@@ -12,22 +12,18 @@
 static const struct conform_plan thorough = {
     .beside_mm = 2,
     .pass_count = 5,
-    .passes = {{3, 1e-8, 4, 1},
-               {1.28, 1e-8, 4, 1},
-               {0.55, 1e-8, 4, 1},
-               {0.23, 1e-8, 4, 1},
-               {0.1, 1e-8, 4, 1}},
-    .soft = {0.03, 1e-8, 4, 1},
+    .passes = {{3, 1e-8, 4}, {1.28, 1e-8, 4}, {0.55, 1e-8, 4}, {0.23, 1e-8, 4}, {0.1, 1e-8, 4}},
+    .soft = {0.03, 1e-8, 4},
     .way_energy = 1e-8,
 };
 
-// While steps are long, a few points tell enough, and a rough solution.
+// The middles of triangles tell enough until a repair, and a rough solution does.
 static const struct conform_plan quick = {
     .beside_mm = 1,
     .beside_edges = 2,
     .pass_count = 4,
-    .passes = {{1, 1e-2, 1, 2}, {0.37, 1e-2, 1, 2}, {0.136, 1e-2, 1, 2}, {0.05, 1e-3, 4, 1}},
-    .soft = {0.03, 1e-3, 4, 1},
+    .passes = {{1, 1e-2, 1}, {0.37, 1e-2, 1}, {0.136, 1e-2, 1}, {0.05, 1e-3, 1}},
+    .soft = {0.03, 1e-3, 4},
     .way_energy = 1e-2,
 };
 

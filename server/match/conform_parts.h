@@ -75,7 +75,6 @@ struct conform_pass {
     double stiffness; // of the step
     double energy;    // conjugate gradients end at this share of their first energy
     int pulls;        // of each live triangle, the middle's at least
-    uint32_t stride;  // each so many samples count
 };
 
 #define PASSES_MAX 5

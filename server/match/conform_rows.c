@@ -167,7 +167,7 @@ static bool keep_source(struct conform *c, struct sample *s, struct soup_closest
     return vec3_distance(out->point, s->found_at) < KEPT_MM;
 }
 
-static void pull_sample(struct conform *c, struct sample *s, uint32_t stride, uint32_t *hint) {
+static void pull_sample(struct conform *c, struct sample *s, uint32_t *hint) {
     struct soup_closest closest;
     if (s->source != MESH_NONE)
         *hint = s->source;
@@ -179,7 +179,7 @@ static void pull_sample(struct conform *c, struct sample *s, uint32_t stride, ui
         s->out = !s->fresh;
         return;
     }
-    struct row row = {.live = c->live_of[t->id], .weight = s->area * stride};
+    struct row row = {.live = c->live_of[t->id], .weight = s->area};
     memcpy(row.shares, closest.weights, sizeof row.shares);
     aim(&row, &closest, t->normal, vec3_sub(closest.point, s->point));
     add_row(c, &row);
@@ -191,8 +191,8 @@ void conform_find_rows(struct conform *c, const struct conform_pass *pass) {
     for (uint32_t i = 0; i < c->live_count; i++)
         pull_triangle(c, i, pass->pulls);
     uint32_t hint = MESH_NONE;
-    for (uint32_t i = 0; i < c->sample_count; i += pass->stride)
-        pull_sample(c, &c->samples[i], pass->stride, &hint);
+    for (uint32_t i = 0; i < c->sample_count; i++)
+        pull_sample(c, &c->samples[i], &hint);
     conform_find_contacts(c);
     conform_clear_system(c);
     conform_add_rows(c);

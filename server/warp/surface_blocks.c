@@ -99,27 +99,52 @@ static int longest_axis(const struct builder *b, uint32_t first, uint32_t count)
     return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
 }
 
-struct sort_key {
-    const vec3 *centres;
-    int axis;
-};
+// A total order: what is selected by it are the same triangles whichever way.
+static bool before(const struct builder *b, int axis, uint32_t i, uint32_t k) {
+    double x = along(b->centres[i], axis), y = along(b->centres[k], axis);
+    return x < y || (x == y && i < k);
+}
 
-static int compare(const void *a, const void *b, void *user) {
-    const struct sort_key *key = user;
-    uint32_t i = *(const uint32_t *)a, k = *(const uint32_t *)b;
-    double x = along(key->centres[i], key->axis), y = along(key->centres[k], key->axis);
-    if (x != y)
-        return x < y ? -1 : 1;
-    return i < k ? -1 : i > k;
+static uint32_t middle_of(const struct builder *b, int axis, uint32_t i, uint32_t k, uint32_t m) {
+    if (before(b, axis, k, i)) {
+        uint32_t swapped = i;
+        i = k;
+        k = swapped;
+    }
+    return before(b, axis, m, i) ? i : before(b, axis, k, m) ? k : m;
+}
+
+// Hoare's selection: the `count` triangles that come first are at the beginning, in any order.
+static void select_first(const struct builder *b, int axis, uint32_t *order, uint32_t all,
+                         uint32_t count) {
+    uint32_t from = 0, to = all - 1;
+    while (from < to) {
+        uint32_t pivot = middle_of(b, axis, order[from], order[from + (to - from) / 2], order[to]);
+        uint32_t i = from, k = to;
+        for (;; i++, k--) {
+            while (before(b, axis, order[i], pivot))
+                i++;
+            while (before(b, axis, pivot, order[k]))
+                k--;
+            if (i >= k)
+                break;
+            uint32_t swapped = order[i];
+            order[i] = order[k];
+            order[k] = swapped;
+        }
+        if (count <= k)
+            to = k;
+        else
+            from = k + 1;
+    }
 }
 
 // Into parts of `size` triangles that lie together, the last one of what is left.
 static void divide(const struct builder *b, uint32_t first, uint32_t count, uint32_t size) {
     if (count <= size)
         return;
-    struct sort_key key = {b->centres, longest_axis(b, first, count)};
-    qsort_r(b->order + first, count, sizeof *b->order, compare, &key);
     uint32_t parts = (count + size - 1) / size, left = parts / 2 * size;
+    select_first(b, longest_axis(b, first, count), b->order + first, count, left);
     divide(b, first, left, size);
     divide(b, first + left, count - left, size);
 }

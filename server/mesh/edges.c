@@ -3,14 +3,18 @@
 #include "base/check.h"
 
 #include <stdlib.h>
+#include <string.h>
 
-static int compare_sides(const void *a, const void *b) {
-    const struct triangle_side *s = a, *t = b;
-    if (s->low != t->low)
-        return s->low < t->low ? -1 : 1;
-    if (s->high != t->high)
-        return s->high < t->high ? -1 : 1;
-    return s->triangle < t->triangle ? -1 : s->triangle > t->triangle;
+// A counting sort by the lower or the higher vertex. Sides of equal ones stay as they were.
+static void sort_sides(const struct triangle_side *sides, size_t count, bool by_low, size_t *starts,
+                       uint32_t vertex_count, struct triangle_side *out) {
+    memset(starts, 0, ((size_t)vertex_count + 1) * sizeof *starts);
+    for (size_t i = 0; i < count; i++)
+        starts[(by_low ? sides[i].low : sides[i].high) + 1]++;
+    for (uint32_t v = 0; v < vertex_count; v++)
+        starts[v + 1] += starts[v];
+    for (size_t i = 0; i < count; i++)
+        out[starts[by_low ? sides[i].low : sides[i].high]++] = sides[i];
 }
 
 struct triangle_side *edges_sorted(const struct mesh *mesh) {
@@ -22,7 +26,12 @@ struct triangle_side *edges_sorted(const struct mesh *mesh) {
         sides[i] = from < to ? (struct triangle_side){from, to, (uint32_t)(i / 3), true}
                              : (struct triangle_side){to, from, (uint32_t)(i / 3), false};
     }
-    qsort(sides, count, sizeof *sides, compare_sides);
+    struct triangle_side *by_high = alloc(count, sizeof *by_high);
+    size_t *starts = alloc((size_t)mesh->vertex_count + 1, sizeof *starts);
+    sort_sides(sides, count, false, starts, mesh->vertex_count, by_high);
+    sort_sides(by_high, count, true, starts, mesh->vertex_count, sides);
+    free(by_high);
+    free(starts);
     return sides;
 }
 

@@ -298,8 +298,8 @@ tool.scope = scope
     });
   }
 
-  /** A session of a station from its beginning until `enough` is done, and some seconds at least: {id, resection}. */
-  async record(name, enough = () => {}) {
+  /** A session of a station that begins now: its id. The one before may have lasted through many tests. */
+  async runAnew(name) {
     await this.startStation(name);
     await until(`a session of ${name}`, async () => (await this.station(name)).connected);
     await this.session("stop", name).catch(() => {}); // it is closed
@@ -309,6 +309,12 @@ tool.scope = scope
       const now = await this.station(name);
       return now.id !== before && now.state === "running" && now;
     });
+    return id;
+  }
+
+  /** A session of a station from its beginning until `enough` is done, and some seconds at least: {id, resection}. */
+  async record(name, enough = () => {}) {
+    const id = await this.runAnew(name);
     await sleep(LEAST_S * 1000);
     await enough();
     await this.session("pause", name);

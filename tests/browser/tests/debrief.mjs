@@ -151,8 +151,7 @@ async function a_trainees_report_tells_nothing_of_the_few_others({ testbed, brow
 
 /** An attempt of room-1 in which an error was made: {session, number, occurrences}. */
 async function hasty({ testbed }, ask) {
-  await testbed.runStation("room-1");
-  const { id } = await testbed.station("room-1");
+  const id = await testbed.runAnew("room-1"); // all of it is replayed
   await sleep(5000); // of a session before the attempt
   await testbed.session("begin", "room-1", "hasty");
   await sleep(3000); // for its hands to come to the knee

@@ -28,19 +28,24 @@ const PAGES: Record<string, Page> = {
   sessions: { load: async () => (await import("./views/sessions")).sessions, roles: ["instructor", "trainee"] },
   session: { load: async () => (await import("./views/debrief")).debrief, roles: ["instructor", "trainee"] },
   admin: { load: async () => (await import("./views/admin")).admin, roles: STAFF },
+  library: { load: async () => (await import("./views/admin")).library, roles: STAFF },
+  today: { load: async () => (await import("./views/today")).today, roles: ["trainee"] },
   station: { load: async () => (await import("./views/station")).station, roles: ALL },
   scope: { load: async () => (await import("./views/scope")).scope, roles: ALL, bare: true },
   course: { load: async () => (await import("./views/my_course")).myCourse, roles: ["trainee"] },
-  courses: { load: async () => (await import("./views/progress")).courses, roles: ["instructor"] },
+  courses: { load: async () => (await import("./views/courses")).courses, roles: ["instructor"] },
   exams: { load: async () => (await import("./views/exams")).exams, roles: ["instructor"] },
   rate: { load: async () => (await import("./views/rate")).rate, roles: ["instructor"] },
   research: { load: async () => (await import("./views/research")).research, roles: ["instructor"] },
   train: { load: async () => (await import("./views/train")).train, bare: true, open: true },
 };
 
+// Where parts of the pages were before, and where they are.
+const MOVED: Record<string, string> = { "admin/cases": "#/library/cases", "admin/courses": "#/courses" };
+
 const SIGNED_IN = "signed-in";
 
-const home = (account: Account): string => (account.role === "trainee" ? "#/course" : "#/wall");
+const home = (account: Account): string => (account.role === "trainee" ? "#/today" : "#/wall");
 
 const api = new Api();
 const feed = new Feed(browserEnvironment(stillSignedIn));
@@ -114,6 +119,8 @@ function detour(route: Route, page: Page | undefined): string | undefined {
     wanted = route.name ? location.hash : "";
     return "#/sign-in";
   }
+  const moved = MOVED[[route.name, ...route.args].join("/")];
+  if (moved) return moved;
   return route.name === "" || (page && !page.roles && !page.open) ? home(app.account) : undefined;
 }
 

@@ -19,10 +19,12 @@ interface Entry {
 
 const ENTRIES: Entry[] = [
   { name: "wall", href: "#/wall", label: text.views.wall, also: ["station", "scope"], roles: ["instructor", "technician"] },
+  { name: "today", href: "#/today", label: text.views.today, also: [], roles: ["trainee"] },
   { name: "course", href: "#/course", label: text.views.course, also: [], roles: ["trainee"] },
-  { name: "sessions", href: "#/sessions", label: text.views.sessions, also: ["session"], roles: ["instructor", "trainee"] },
-  { name: "courses", href: "#/courses", label: text.views.courses, also: ["research"], roles: ["instructor"] },
-  { name: "exams", href: "#/exams", label: text.views.exams, also: ["rate"], roles: ["instructor"] },
+  { name: "sessions", href: "#/sessions", label: text.views.sessions, also: ["session"], roles: ["instructor"] },
+  { name: "sessions", href: "#/sessions", label: text.views.mySessions, also: ["session"], roles: ["trainee"] },
+  { name: "courses", href: "#/courses", label: text.views.courses, also: ["research", "exams", "rate"], roles: ["instructor"] },
+  { name: "library", href: "#/library/cases", label: text.views.library, also: [], roles: ["instructor", "technician"] },
   { name: "admin", href: "#/admin/stations", label: text.views.admin, also: [], roles: ["instructor", "technician"] },
 ];
 

@@ -66,7 +66,8 @@ export const text = {
 
   units: { degrees: "°", mm: "mm", mm3: "mm³", mmPerSecond: "mm/s", newton: "N", ms: "ms", percent: "%", hertz: "Hz" },
 
-  views: { wall: "Wall", sessions: "Sessions", courses: "Courses", exams: "Exams", today: "Today", course: "My course", admin: "Administration" },
+  views: { wall: "Class", sessions: "Sessions", courses: "Courses", library: "Library", admin: "Setup", today: "Today", course: "My course", mySessions: "My sessions",
+    sessionsOf: (role?: string): string => (role === "trainee" ? text.views.mySessions : text.views.sessions) },
   roles: { instructor: "Instructor", technician: "Technician", trainee: "Trainee" } as Record<string, string>,
   account: {
     menu: (name: string) => `Account ${name}`, signOut: "Sign out", signOutEverywhere: "Sign out everywhere",
@@ -238,7 +239,7 @@ export const text = {
   },
 
   admin: {
-    parts: { stations: "Stations", cases: "Cases", trainees: "Trainees", courses: "Courses", accounts: "Accounts", tokens: "Sign-ins", audit: "Audit log" },
+    parts: { stations: "Stations", trainees: "Trainees", accounts: "Accounts", tokens: "Sign-ins", audit: "Audit log", cases: "Cases", tasks: "Tasks" },
     stations: {
       hint: "The stations of the server's config. Each needs a certificate, which it gets with a one-time code.",
       none: "No stations", noneHint: "Add stations to the server's config: [station NAME].",
@@ -262,6 +263,12 @@ export const text = {
       findings: "Findings", level: "Level", where: "Where", finding: "Finding",
       levels: { fault: "Fault", error: "Fault", warning: "Warning", note: "Note" } as Record<string, string>,
     },
+    tasks: {
+      hint: "The tasks that a course, an exam or a trainee can choose. Each is a file of the server's folder tasks.",
+      none: "No tasks", noneHint: "Name the folder of the tasks in the server's config.",
+      name: "Task", goals: "Goals", limit: "Time limit", mark: "Pass mark", source: "Source", actions: "Actions", open: "What it asks",
+      markOf: (time: string, errors: number) => `${time}, ${count(errors, "error")}`,
+    },
     trainees: {
       hint: "Trainees sign in with a code, valid for 12 hours. They see only their own sessions.",
       none: "No trainees", noneHint: "Add a trainee here, or name one in a station's config.",
@@ -280,15 +287,6 @@ export const text = {
       erasedTitle: (name: string, pseudonym: string) => `${name} is now ${pseudonym}`,
       erasedHint: (n: number) => (n === 1 ? "The trace of this session still contains the name. To remove it, delete the session on the page Sessions."
         : `The traces of these ${n} sessions still contain the name. To remove it, delete the sessions on the page Sessions.`),
-    },
-    courses: {
-      hint: "Trainees who train together. Figures are compared within a course.",
-      none: "No courses", noneHint: "Add a course, then add trainees to it.",
-      name: "Course", nameHint: "Such as autumn-2026", trainees: "Trainees", created: "Added", actions: "Actions",
-      add: "Add course", people: "Trainees", peopleOf: (name: string) => `Trainees of ${name}`, sessions: "Sessions",
-      nobody: "This course has no trainees", choose: "Choose a trainee", enter: "Add to course", leave: "Remove", leaveLabel: (name: string) => `Remove ${name} from the course`,
-      rename: "Rename", renameTitle: (name: string) => `Rename ${name}`,
-      remove: "Delete", removeTitle: (name: string) => `Delete ${name}?`, removeHint: "The course's trainees and their sessions stay.",
     },
     accounts: {
       hint: "People who sign in with a password.",
@@ -421,14 +419,13 @@ export const text = {
 
   station: {
     title: (station: string) => `Station ${station}`,
-    wall: "Wall",
     scope: "Open scope",
     waiting: (station: string) => `Waiting for ${station} …`,
     noSession: "No session yet",
     noSessionHint: "A session starts when the station connects.",
     notThere: "Station not found",
     notYours: "You have no session here",
-    notYoursHint: "This page shows your session as soon as it starts. Recorded sessions are under Sessions.",
+    notYoursHint: "This page shows your session as soon as it starts. Recorded sessions are under My sessions.",
     stale: (ms: number) => `No data from the station for ${format.ago(ms)}`,
     lost: (ms: number) => `No connection to the server for ${format.ago(ms)}`,
     unknown: "No data",
@@ -476,7 +473,6 @@ export const text = {
   /** A recorded session. */
   debrief: {
     title: (who: string, when: string) => `${who}, ${when}`,
-    sessions: "Sessions",
     nobody: "No trainee",
     waiting: "Requesting the record …",
     noSession: "Session not found",
@@ -612,6 +608,7 @@ export const text = {
     } as Record<string, LimitWords>,
     goalsAsk: "What each goal asks", errorsCount: "What counts as an error",
 
+    todayHint: "What comes next. Read it here, and begin it at a station.",
     train: {
       title: (station: string) => `Training at ${station}`,
       who: "Who trains?", whoHint: "Type your code of 8 characters.", code: "Your code", erase: "Erase", enter: "Sign in",
@@ -652,7 +649,7 @@ export const text = {
     },
 
     course: {
-      title: "My course", none: "You are in no course", noneHint: "Your instructor adds you to a course.",
+      none: "You are in no course", noneHint: "Your instructor adds you to a course.",
       week: (n: number) => `Week ${n}`, passed: (n: number, of: number) => `${n} of ${of} tasks passed`,
       states: { locked: "Locked", open: "Open", passed: "Passed" } as Record<string, string>, overdue: "Overdue",
       due: (date: string) => `due ${date}`, curve: "Learning curve", after: (names: string) => `after ${names}`,
@@ -686,8 +683,14 @@ export const text = {
     },
 
     courses: {
-      title: "Courses", none: "No courses yet", noneHint: "An instructor adds courses in the administration.", progress: "Progress", plan: "Plan", research: "Research",
-      trainees: (n: number) => count(n, "trainee"),
+      exams: "Exams", research: "Research", progress: "Progress", plan: "Plan",
+      hint: "Trainees who train together. Figures are compared within a course.",
+      none: "No courses", noneHint: "Add a course, then add trainees to it.",
+      name: "Course", nameHint: "Such as autumn-2026", trainees: "Trainees", created: "Added", actions: "Actions",
+      add: "Add course", people: "Trainees", peopleOf: (name: string) => `Trainees of ${name}`, sessions: "Sessions",
+      nobody: "This course has no trainees", choose: "Choose a trainee", enter: "Add to course", leave: "Remove", leaveLabel: (name: string) => `Remove ${name} from the course`,
+      rename: "Rename", renameTitle: (name: string) => `Rename ${name}`,
+      remove: "Delete", removeTitle: (name: string) => `Delete ${name}?`, removeHint: "The course's trainees and their sessions stay.",
     },
     progress: {
       title: (course: string) => `Progress of ${course}`, table: "Trainees by tasks", trainee: "Trainee",

@@ -1,4 +1,4 @@
-// Trainees, accounts, courses and sessions as they are changed and removed on the administration pages.
+// Trainees, accounts, courses and sessions as they are changed and removed on the pages Setup and Courses.
 // What the pages show is held against what the API says.
 import assert from "node:assert/strict";
 import { STATIONS } from "../testbed.mjs";
@@ -93,7 +93,7 @@ async function an_account_is_renamed_signed_out_and_deleted(world) {
   await row(page, "teresa").waitFor();
   const other = await browser.page(await browser.context(), "#/sign-in", EXPIRED);
   await signIn(other, "teresa", PASSWORD);
-  await other.getByRole("heading", { name: "Wall" }).waitFor();
+  await other.getByRole("heading", { name: "Class" }).waitFor();
   await press(row(page, "teresa"), "Sign out");
   await press(dialog(page), "Sign out");
   await other.getByRole("heading", { name: "Sign in" }).waitFor();
@@ -115,7 +115,7 @@ async function sign_out_everywhere_ends_all_browsers_of_an_account(world) {
   for (let i = 0; i < 2; i++) {
     const one = await browser.page(await browser.context(), "#/sign-in", EXPIRED);
     await signIn(one, "otto", PASSWORD);
-    await one.getByRole("heading", { name: "Wall" }).waitFor();
+    await one.getByRole("heading", { name: "Class" }).waitFor();
     pages.push(one);
   }
   await pages[0].getByRole("button", { name: /otto/ }).click();
@@ -127,7 +127,7 @@ async function sign_out_everywhere_ends_all_browsers_of_an_account(world) {
 async function a_course_is_renamed_and_left_and_deleted(world) {
   const page = await openDesk(world, "#/admin/trainees", EXPIRED);
   await add(page, "Add trainee", { Name: "felix" });
-  await page.goto(`${world.browser.url}/#/admin/courses`);
+  await page.goto(`${world.browser.url}/#/courses`);
   await add(page, "Add course", { Course: "spring" });
   await press(row(page, "spring"), "Rename");
   await dialog(page).getByLabel("Course").fill("summer");

@@ -22,7 +22,7 @@ async function the_first_instructor_makes_an_account_through_the_link({ testbed,
   await browser.picture(page, "first");
   for (const label of ["Password", "Repeat password"]) await page.getByLabel(label, { exact: true }).fill(PASSWORD);
   await page.getByRole("button", { name: "Create account" }).click();
-  await page.getByRole("heading", { name: "Wall" }).waitFor();
+  await page.getByRole("heading", { name: "Class" }).waitFor();
   users.instructor = await context.storageState();
   const again = await browser.page(await browser.context(), await testbed.firstLink(), REFUSED);
   await again.getByLabel("Name").fill("mallory");
@@ -55,7 +55,7 @@ async function a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own({ br
   await page.getByRole("tab", { name: "With a code" }).click();
   await page.getByLabel("Sign-in code").fill(code.toLowerCase());
   await page.getByRole("button", { name: "Sign in" }).click();
-  await page.getByRole("link", { name: "Sessions" }).waitFor();
+  await page.getByRole("link", { name: "My sessions" }).waitFor();
   users.trainee = await context.storageState();
   for (const hash of ["#/admin/accounts", "#/wall"]) {
     await page.goto(`${browser.url}/${hash}`);
@@ -65,14 +65,44 @@ async function a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own({ br
   assert.deepEqual(statuses, [403, 403, 403, 403, 200]);
 }
 
+const LEADS_TO = {
+  instructor: { Class: "Class", Sessions: "Sessions", Courses: "Courses", Library: "Cases", Setup: "Stations" },
+  trainee: { Today: "Today", "My course": "My course", "My sessions": "My sessions" },
+};
+
+async function the_navigation_has_the_names_of_what_it_leads_to({ browser, users }) {
+  for (const [role, leadsTo] of Object.entries(LEADS_TO)) {
+    const page = await browser.page(await browser.context(users[role]), "#/");
+    const links = page.getByRole("navigation", { name: "Main" }).getByRole("link");
+    await links.first().waitFor();
+    assert.deepEqual(await links.allInnerTexts(), Object.keys(leadsTo), role);
+    for (const [name, heading] of Object.entries(leadsTo)) {
+      await links.getByText(name, { exact: true }).click();
+      await page.getByRole("heading", { name: heading, level: 1 }).waitFor();
+      assert.equal(await page.locator("nav.main [aria-current=page]").innerText(), name);
+    }
+    await page.close();
+  }
+}
+
+async function links_of_before_still_lead_to_the_right_view({ browser, users }) {
+  const page = await browser.page(await browser.context(users.instructor), "#/");
+  const before = { "admin/cases": ["Cases", "Library"], "admin/courses": ["Courses", "Courses"], "admin/stations": ["Stations", "Setup"], wall: ["Class", "Class"], exams: ["Exams", "Courses"] };
+  for (const [hash, [heading, entry]] of Object.entries(before)) {
+    await page.goto(`${browser.url}/#/${hash}`);
+    await page.getByRole("heading", { name: heading, level: 1 }).waitFor();
+    assert.equal(await page.locator("nav.main [aria-current=page]").innerText(), entry, hash);
+  }
+}
+
 for (const test of [the_first_instructor_makes_an_account_through_the_link, a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own]) test.always = true;
 async function signed_out_in_one_tab_is_signed_out_in_all({ browser }) {
   const context = await browser.context();
   const page = await browser.page(context, "#/wall", REFUSED);
   await signIn(page, "grace", PASSWORD);
-  await page.getByRole("heading", { name: "Wall" }).waitFor();
+  await page.getByRole("heading", { name: "Class" }).waitFor();
   const other = await browser.page(context, "#/wall", [...REFUSED, /WebSocket connection/]);
-  await other.getByRole("heading", { name: "Wall" }).waitFor();
+  await other.getByRole("heading", { name: "Class" }).waitFor();
   await page.getByRole("button", { name: /grace/ }).click();
   await page.getByRole("button", { name: "Sign out", exact: true }).click();
   await other.getByRole("heading", { name: "Sign in" }).waitFor();
@@ -81,4 +111,5 @@ async function signed_out_in_one_tab_is_signed_out_in_all({ browser }) {
 export const tests = [
   the_first_instructor_makes_an_account_through_the_link, a_wrong_password_is_refused_and_the_right_one_leads_where_one_wanted_to,
   a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own, signed_out_in_one_tab_is_signed_out_in_all,
+  the_navigation_has_the_names_of_what_it_leads_to, links_of_before_still_lead_to_the_right_view,
 ];

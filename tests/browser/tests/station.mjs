@@ -251,7 +251,7 @@ async function traineeOf({ browser, users }, name) {
   await page.getByRole("tab", { name: "With a code" }).click();
   await page.getByLabel("Sign-in code").fill(code);
   await page.getByRole("button", { name: "Sign in" }).click();
-  await page.getByRole("heading", { name: "My course" }).waitFor();
+  await page.getByRole("heading", { name: "Today" }).waitFor();
   return page;
 }
 
@@ -272,7 +272,7 @@ async function a_trainee_is_told_that_a_session_is_anothers({ testbed, browser }
   const since = performance.now();
   await browser.check(dora, "another's station");
   await browser.picture(dora, "station-of-another");
-  assert.equal(await dora.getByRole("link", { name: "Wall" }).count(), 0);
+  assert.equal(await dora.getByRole("link", { name: "Class" }).count(), 0);
   assert.doesNotMatch(await dora.locator("body").innerText(), /anna|arthrosis|Waiting for/);
   const { kinds } = browser.heard(dora);
   assert.deepEqual([kinds.session, kinds.moment, kinds.resection, kinds.place], [undefined, undefined, undefined, undefined]);

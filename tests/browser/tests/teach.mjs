@@ -79,11 +79,23 @@ async function expertPlays(page) {
   assert.equal(await expert.locator(".scope-state").innerText(), "", "the scope is seen");
 }
 
+/** What comes next can be read away from a station, too. */
+async function traineeReadsToday(world, code) {
+  const page = await world.browser.page(await world.browser.context(), "#/sign-in?code", [/status of 401/, /WebSocket connection/]);
+  await page.getByLabel("Sign-in code").fill(code);
+  await press(page, "Sign in");
+  await page.getByText("Next: Steady camera").waitFor();
+  await page.locator(".goals li", { hasText: "held for 3 s" }).first().waitFor();
+  await look(world, page, "today");
+  await page.close();
+}
+
 async function a_trainee_runs_a_station_alone(world) {
   const { testbed, browser, report } = world;
   const ask = await asker(world);
   const { trainee } = await makeCourse(ask, world);
   const { code } = await ask("POST", `/trainees/${trainee}/code`, {});
+  await traineeReadsToday(world, code);
   await testbed.withConnected(STATION, async () => {
     const page = await browser.page(await browser.context(), `#/train/${STATION}`, [/status of 401/, /WebSocket connection/]);
     await page.getByLabel("Your code").fill(code);
@@ -193,8 +205,8 @@ async function a_director_and_a_rater_open_their_pages(world) {
   const { exam } = await ask("POST", "/exams", { course, trainee, title: "Camera", tasks: [TASK], cases: ["healthy"] });
   const page = await browser.page(await browser.context(users.instructor), "#/courses");
   const views = [
-    ["courses", "#/courses", page.getByRole("heading", { name: course })],
-    ["course-plan", `#/courses/${course}/plan`, page.getByText("Library")],
+    ["courses", "#/courses", page.getByRole("link", { name: course })],
+    ["course-plan", `#/courses/${course}/plan`, page.getByRole("region", { name: "Library" })],
     ["course-task", `#/courses/${course}/plan`, page.getByText("would pass")],
     ["course-progress", `#/courses/${course}`, page.getByRole("table")],
     ["research", "#/research", page.getByText("No attempts match")],

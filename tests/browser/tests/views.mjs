@@ -5,7 +5,7 @@ import { join } from "node:path";
 import { SIZES } from "../browser.mjs";
 import { BIN } from "../programs.mjs";
 
-const ADMIN = ["stations", "cases", "trainees", "courses", "accounts", "tokens", "audit"];
+const PARTS = { admin: ["stations", "trainees", "accounts", "tokens", "audit"], library: ["cases", "tasks"] };
 
 /** Name, address, and what is there once it shows what it has, of every view. */
 export const viewsOf = async (testbed) => [
@@ -15,7 +15,8 @@ export const viewsOf = async (testbed) => [
   ["scope", "#/scope/room-1?optic=30", ".scope-round:not(.dark) canvas.scope-canvas"],
   ["sessions", "#/sessions", "table"],
   ["debrief", `#/session/${(await testbed.recorded()).id}`, "canvas.scene-canvas"],
-  ...ADMIN.map((part) => [`admin-${part}`, `#/admin/${part}`, "table, .state.empty"]),
+  ["courses", "#/courses", "table, .state.empty"],
+  ...Object.entries(PARTS).flatMap(([of, parts]) => parts.map((part) => [`${of}-${part}`, `#/${of}/${part}`, "table, .state.empty"])),
   ["nowhere", "#/nowhere", ".state"],
 ];
 

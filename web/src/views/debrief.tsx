@@ -65,7 +65,7 @@ export const sessionTitle = ({ trainee, start_utc_s: start }: SessionRow): strin
 export const debrief: View = (root, route, app) => {
   const words = text.debrief;
   const id = route.args[0] ?? "";
-  app.title(words.sessions);
+  app.title(text.views.sessionsOf(app.account?.role));
   let replay: Replay | undefined;
   let ended = false;
   const begin = (): void => {
@@ -79,7 +79,7 @@ export const debrief: View = (root, route, app) => {
       (error: unknown) => {
         if (ended) return;
         const gone = error instanceof ApiError && (error.status === 404 || error.status === 400);
-        render(gone ? <Empty title={words.noSession} hint={words.noSessionHint}><a class="button" href={routeTo("sessions")}>{words.sessions}</a></Empty>
+        render(gone ? <Empty title={words.noSession} hint={words.noSessionHint}><a class="button" href={routeTo("sessions")}>{text.views.sessionsOf(app.account?.role)}</a></Empty>
           : <Broken title={text.listBroken} hint={explain(error)} again={begin} />, root);
       });
   };
@@ -167,7 +167,7 @@ function ReplayPage({ of }: { of: Replay }) {
   );
 }
 
-function Head({ of: { record: { session }, metrics, comparison } }: { of: Replay }) {
+function Head({ of: { app, record: { session }, metrics, comparison } }: { of: Replay }) {
   const words = text.debrief;
   const base = `/api/v1/sessions/${part(session.id)}`;
   const length = session.end_utc_s === null ? "" : format.clock(session.end_utc_s - session.start_utc_s);
@@ -175,7 +175,7 @@ function Head({ of: { record: { session }, metrics, comparison } }: { of: Replay
   return (
     <header class="station-head">
       <div class="station-name">
-        <a href={routeTo("sessions")} class="button quiet back"><Icon name="back" />{words.sessions}</a>
+        <a href={routeTo("sessions")} class="button quiet back"><Icon name="back" />{text.views.sessionsOf(app.account?.role)}</a>
         <h1>{sessionTitle(session)}</h1>
         {session.state !== "closed" && <Badge kind={text.sessions.kinds[session.state] ?? ""}>{text.sessions.states[session.state] ?? session.state}</Badge>}
       </div>

@@ -9,10 +9,10 @@ import { CurveOf, Shape } from "./progress";
 
 export const myCourse = view(({ app }: ViewProps) => {
   const words = text.teach.course;
-  app.title(words.title);
+  app.title(text.views.course);
   const loaded = useLoaded(() => app.api.get<Today>("/trainees/me/today"));
   return <>
-    <Head title={words.title} />
+    <Head title={text.views.course} />
     <Await of={loaded}>{({ courses }) => courses.length === 0 ? <Empty title={words.none} hint={words.noneHint} /> : <>{courses.map((course) => <Course key={course.course} app={app} course={course} />)}</>}</Await>
   </>;
 });

@@ -1,46 +1,21 @@
-// #/courses: all courses; #/courses/NAME: who has come how far; #/courses/NAME/plan: the editor.
+// Who of a course has come how far, and the learning curve of one of them.
 import { useMemo, useState } from "preact/hooks";
 import { part } from "../api";
 import type { App } from "../app";
 import { nameInWords } from "../groups";
-import { Await, Badge, Empty, Head, Icon, Table, useLoaded, view, type ViewProps } from "../kit";
+import { Await, Badge, Empty, Head, Icon, Table, useLoaded } from "../kit";
 import { Chart, type Series } from "../kit/chart";
 import { routeTo } from "../router";
 import type { AttemptRow, Curve } from "../teach/model";
 import { SHAPES, stateOf, type Cell, type CellState, type Progress, type ProgressRow } from "../teach/progress";
 import { format, text } from "../text";
-import { Plan } from "./plan";
 import { VerdictBadge } from "./verdict";
-
-export const courses = view(({ route, app }: ViewProps) => {
-  const [name, what] = route.args;
-  if (!name) return <Courses app={app} />;
-  return what === "plan" ? <Plan key={name} app={app} course={name} /> : <CourseProgress key={name} app={app} course={name} />;
-});
-
-interface CourseRow {
-  name: string;
-  trainees: number;
-}
-
-function Courses({ app }: { app: App }) {
-  const words = text.teach.courses;
-  app.title(words.title);
-  const all = useLoaded(async () => (await app.api.get<{ courses: CourseRow[] }>("/courses")).courses);
-  return <>
-    <Head title={words.title}><a class="button" href={routeTo("research")}>{words.research}</a></Head>
-    <Await of={all}>{(rows) => rows.length === 0 ? <Empty title={words.none} hint={words.noneHint}><a class="button" href="#/admin/courses">{text.views.admin}</a></Empty> : (
-      <ul class="course-list">{rows.map(({ name, trainees }) => (
-        <li key={name} class="panel"><h2>{name}</h2><p class="quiet-text">{words.trainees(trainees)}</p>
-          <a class="button primary" href={routeTo("courses", [name])}>{words.progress}</a><a class="button" href={routeTo("courses", [name, "plan"])}>{words.plan}</a></li>))}</ul>)}</Await>
-  </>;
-}
 
 export function Shape({ state }: { state: CellState }) {
   return <svg viewBox="0 0 16 16" class={`icon shape ${state}`} aria-hidden="true"><path d={SHAPES[state]} /></svg>;
 }
 
-function CourseProgress({ app, course }: { app: App; course: string }) {
+export function CourseProgress({ app, course }: { app: App; course: string }) {
   const words = text.teach.progress;
   app.title(words.title(course));
   const loaded = useLoaded(() => app.api.get<Progress>(`/courses/${part(course)}/progress`), [course]);

@@ -42,11 +42,12 @@ export const sessions: View = view(({ route, app }) => {
   };
   const choose = (id: string, on: boolean): void => void (chosen.value = on ? [...chosen.value, id] : chosen.value.filter((one) => one !== id));
   const size = chosen.value.length;
-  useEffect(() => app.title(text.views.sessions), []);
+  const title = text.views.sessionsOf(app.account?.role);
+  useEffect(() => app.title(title), []);
   return (
     <div class="page">
-      <div class="page-head"><h1>{text.views.sessions}</h1><Filters app={app} asked={asked.value} go={go} /></div>
-      <Listing caption={text.views.sessions} of={{ ...list, value: list.value?.sessions }} none={<None asked={asked.value} go={go} />}
+      <div class="page-head"><h1>{title}</h1><Filters app={app} asked={asked.value} go={go} /></div>
+      <Listing caption={title} of={{ ...list, value: list.value?.sessions }} none={<None asked={asked.value} go={go} />}
         keyOf={(session) => session.id} columns={columns(app, chosen.value, choose, list.reload)} />
       <div class="paging">
         <p class="hint" role="status">{size === 1 ? t.chooseOther : size > 2 ? t.chooseTwo : ""}</p>

@@ -191,7 +191,7 @@ function Head({ of, old }: { of: Station; old: string | undefined }) {
 }
 
 function Back({ app, quiet = false }: { app: App; quiet?: boolean }) {
-  const [href, words] = app.account?.role === "trainee" ? ["#/sessions", text.views.sessions] : ["#/wall", text.station.wall];
+  const [href, words] = app.account?.role === "trainee" ? ["#/sessions", text.views.mySessions] : ["#/wall", text.views.wall];
   return <a href={href} class={quiet ? "button quiet back" : "button"}>{quiet && <Icon name="back" />}{words}</a>;
 }
 

@@ -8,7 +8,7 @@ import { explain, whyOf } from "../explain";
 import { nameInWords } from "../groups";
 import { LOST, SEEN, STATE, toolAt } from "../history";
 import { isOptic } from "../instruments";
-import { Await, Badge, Button, confirm, Empty, Icon, toast, toastFault, useLoaded, view, type ViewProps } from "../kit";
+import { Button, confirm, Icon, toast, toastFault, useLoaded, view, type ViewProps } from "../kit";
 import type { CommandInit } from "../live";
 import { routeTo, type Route } from "../router";
 import { FeedSource } from "../source";
@@ -17,7 +17,8 @@ import { ExpertClip, prepareExpert, useExpert } from "../teach/expert";
 import { Goals, sentencesOf } from "../teach/limits_words";
 import { PlanPicture } from "../teach/plan_picture";
 import { attemptOf, beginCommand, helpCommand, leaveCommand, stopCommand, takeCommand } from "../teach/live_attempt";
-import { casesOf, clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Step, type Task, type Today } from "../teach/model";
+import { casesOf, clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Task, type Today } from "../teach/model";
+import { Next } from "../teach/next";
 import { Bar, useTick } from "../teach/parts";
 import { format, text } from "../text";
 import { Scope } from "./scope";
@@ -165,38 +166,13 @@ const handOf = (hand: Hand | "either"): Hand => (hand === "left" ? "left" : "rig
 
 function TodayCard({ app, account, choose, leave }: { app: App; account: Account; choose: (task: string, hand: Hand) => Promise<void>; leave: () => void }) {
   const words = text.teach.train;
-  const loaded = useLoaded(async () => {
-    const [today, { tasks }] = await Promise.all([app.api.get<Today>("/trainees/me/today"), app.api.get<{ tasks: Task[] }>("/tasks")]);
-    return { today, tasks };
-  }, []);
   return (
     <section class="train-card today">
       <h2>{words.hello(account.trainee ?? account.name)}</h2>
-      <Await of={loaded}>{({ today, tasks }) => {
-        const course = today.courses.find(({ next }) => next) ?? today.courses[0];
-        const next = course?.next ?? undefined;
-        return <>
-          {course?.behind && <Badge kind="act" icon="act">{words.behind}</Badge>}
-          {today.exams.map((exam) => <Badge key={exam.id} kind="look" icon="look">{words.exam(exam.title)}</Badge>)}
-          {next ? <NextCard step={next} task={tasks.find(({ name }) => name === next.task)} begin={() => void choose(next.task, handOf(next.hand))} />
-            : <Empty title={course ? words.nothing : words.noCourse} hint={course ? words.nothingHint : words.noCourseHint} />}
-          <Others tasks={tasks} open={!next} choose={choose} />
-        </>;
-      }}</Await>
+      <Next app={app} more={({ task, hand }) => <Button kind="primary" class="huge" onClick={() => void choose(task, handOf(hand))}>{words.begin}</Button>}
+        others={(tasks, free) => <Others tasks={tasks} open={free} choose={choose} />} />
       <div class="train-actions"><Button onClick={leave}>{words.leave}</Button></div>
     </section>
-  );
-}
-
-function NextCard({ step, task, begin }: { step: Step; task: Task | undefined; begin: () => void }) {
-  const words = text.teach.train;
-  const facts = [words.passes(step.passes_done, step.passes), task && words.minutes(task.mark.time_s), text.teach.hands[step.hand]];
-  return (
-    <div class="next-card">
-      <p class="next-title">{words.next(step.title ?? nameInWords(step.task))}</p>
-      <p class="next-facts">{facts.filter(Boolean).join(" · ")}</p>
-      <Button kind="primary" class="huge" onClick={begin}>{words.begin}</Button>
-    </div>
   );
 }
 

@@ -61,18 +61,27 @@ const UNUSED_SHADERS = ["alphahash_pars_fragment", "batching_pars_vertex", "bump
   "skinning_pars_vertex", "skinning_vertex", "skinnormal_vertex", "transmission_fragment",
   "transmission_pars_fragment"];
 
-function withoutUnusedShaders(three) {
+// No page is seen through a headset.
+const NO_HEADSET = `class WebXRManager extends EventDispatcher {
+  enabled = false; isPresenting = false;
+  getEnvironmentBlendMode() {} setAnimationLoop() {} dispose() {}
+}
+`;
+
+function withoutUnused(three) {
   for (const name of UNUSED_SHADERS) {
     const shorter = three.replace(new RegExp(`^var ${name} = ".*";$`, "m"), `var ${name} = "";`);
     if (shorter === three) throw new Error(`three has no shader text ${name}`);
     three = shorter;
   }
-  return three;
+  const shorter = three.replace(/^class WebXRManager [^]*?^}$/m, NO_HEADSET);
+  if (shorter === three) throw new Error("three has no WebXRManager");
+  return shorter;
 }
 
 const smallThree = {
   name: "small-three",
-  setup: ({ onLoad }) => onLoad({ filter: /three\.module\.js$/ }, ({ path }) => ({ contents: withoutUnusedShaders(readFileSync(path, "utf8")) })),
+  setup: ({ onLoad }) => onLoad({ filter: /three\.module\.js$/ }, ({ path }) => ({ contents: withoutUnused(readFileSync(path, "utf8")) })),
 };
 
 const common = (out) => ({

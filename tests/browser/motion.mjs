@@ -60,6 +60,29 @@ export function stand({ header, rows }) {
   return { header, rows: Array(200).fill(touching[Math.floor(touching.length / 6)]) };
 }
 
+/**
+ * The hands of a file at `from` with a probe that moves a cursor, in a file at `to`: into the left lower corner, where it
+ * must not matter how long it is, then to each of `places` (px to the right of there and up), where it stays for `stay_s`.
+ */
+export function pointing(from, to, places, pxPerMm, stay_s) {
+  const [header, first] = readFileSync(from, "utf8").split("\n").map((line) => line.split(","));
+  const [x, z] = ["probe_tx_mm", "probe_tz_mm"].map((name) => header.indexOf(name));
+  const [RATE_HZ, SPEED_MM_S, FAR_MM, FOUND_S] = [100, 150, 300, 8]; // by then the station has found the mock-up again
+  const corner = { x: Number(first[x]) + FAR_MM, z: Number(first[z]) - FAR_MM };
+  let at = { x: Number(first[x]), z: Number(first[z]) };
+  const moments = Array(FOUND_S * RATE_HZ).fill(at);
+  const go = (there, stay) => {
+    const steps = Math.max(1, Math.ceil((Math.hypot(there.x - at.x, there.z - at.z) / SPEED_MM_S) * RATE_HZ));
+    for (let i = 1; i <= steps; i++) moments.push({ x: at.x + ((there.x - at.x) * i) / steps, z: at.z + ((there.z - at.z) * i) / steps });
+    moments.push(...Array(Math.round(stay * RATE_HZ)).fill(there));
+    at = there;
+  };
+  go(corner, 0);
+  for (const [right, up] of places) go({ x: corner.x - right / pxPerMm, z: corner.z + up / pxPerMm }, stay_s);
+  const lines = moments.map((of, i) => first.map((value, column) => (column === 0 ? i / RATE_HZ : column === x ? of.x : column === z ? of.z : value)).join(","));
+  writeFileSync(to, `${[header.join(","), ...lines].join("\n")}\n`);
+}
+
 /** Its first moment: the hands are outside. */
 export function rest({ header, rows }) {
   return { header, rows: Array(200).fill(rows[0]) };

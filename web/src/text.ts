@@ -611,7 +611,8 @@ export const text = {
     todayHint: "What comes next. Read it here, and begin it at a station.",
     train: {
       title: (station: string) => `Training at ${station}`,
-      who: "Who trains?", whoHint: "Type your code of 8 characters.", code: "Your code", erase: "Erase", enter: "Sign in",
+      who: "Who trains?", whoHint: "Type your code of 8 characters.",
+      whoProbe: "Type your code of 8 characters. Or move the ring with the probe, and stay on a key for a second.", code: "Your code", erase: "Erase", enter: "Sign in",
       hello: (name: string) => `Today, ${name}`,
       next: (title: string) => `Next: ${title}`,
       passes: (n: number, of: number) => `${n} of ${of} ${of === 1 ? "pass" : "passes"}`,

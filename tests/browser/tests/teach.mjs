@@ -3,12 +3,16 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { SIZES, still } from "../browser.mjs";
 import { sleep, until } from "../programs.mjs";
+import { pointing } from "../motion.mjs";
+import { STATIONS } from "../testbed.mjs";
 import { settled } from "./views.mjs";
 
 const STATION = "sim-21"; // its case is healthy
 const TORN_STATION = "sim-22"; // tear-radial
 const EXAM_STATION = "sim-24"; // on the same case
 const RATED = { station: "room-2", trainee: "bert" };
+const POINTING = "room-2"; // whose hands hold a probe
+const [PX_PER_MM, STAY_S, GAP_PX] = [4, 3, 32]; // of web/src/teach/dwell.ts; longer than there, for a busy machine; from a key to the gap below
 const ATTEMPT_MS = 2000;
 const TASK = "steady-camera";
 const FEEDBACK_S = 5;
@@ -130,6 +134,36 @@ async function a_trainee_runs_a_station_alone(world) {
     const { attempts } = await ask("GET", `/attempts?trainee=${trainee}`);
     assert.deepEqual(attempts.map(({ task, verdict, end }) => [task, verdict, end]), [[TASK, "not yet", "left"]]);
   });
+}
+
+/** The middles of keys as the cursor has to reach them, in order; one that comes twice is left between. */
+function wayOver(keys, names) {
+  const places = names.map((name) => keys[name]);
+  return places.flatMap((place, i) => (i && places[i - 1] === place ? [[place[0], place[1] - GAP_PX], place] : [place]));
+}
+
+async function a_trainee_points_at_the_code_with_the_probe(world) {
+  const { testbed, browser } = world;
+  const ask = await asker(world);
+  const { trainee } = await makeCourse(ask, world);
+  const { code } = await ask("POST", `/trainees/${trainee}/code`, {});
+  await testbed.runStation(POINTING);
+  const { port, token } = testbed.viewOf(POINTING);
+  const page = await browser.page(await browser.context(), `#/train/${POINTING}?port=${port}&token=${token}`, [/status of 401/, /WebSocket connection/, /ws:\/\/127.0.0.1/]);
+  await page.getByText("stay on a key for a second").waitFor();
+  assert.doesNotMatch(page.url(), /token/, "the token stays in the address");
+  await look(world, page, "train-who-probe");
+  await page.setViewportSize(SIZES.wide);
+  const keys = await page.locator(".who-keys").evaluate((area) => Object.fromEntries([...area.querySelectorAll("button")]
+    .map((key) => [key.innerText, [key.offsetLeft + key.offsetWidth / 2, area.clientHeight - key.offsetTop - key.offsetHeight / 2]])));
+  pointing(testbed.path(`${STATIONS[POINTING].motion}.csv`), testbed.path("pointing.csv"), wayOver(keys, [...code, "Sign in"]), PX_PER_MM, STAY_S);
+  await testbed.moveHands(POINTING, "pointing");
+  try {
+    await page.getByRole("heading", { name: `Today, ${trainee}` }).waitFor({ timeout: 120_000 });
+  } finally {
+    await testbed.moveHands(POINTING, STATIONS[POINTING].motion);
+  }
+  await press(page, "Leave");
 }
 
 async function a_briefing_shows_the_plan(world) {
@@ -286,7 +320,7 @@ async function a_researcher_asks_for_a_course_and_takes_all_of_it_along(world) {
 }
 
 export const tests = [
-  a_trainee_runs_a_station_alone, a_briefing_shows_the_plan, an_exam_is_sealed,
+  a_trainee_runs_a_station_alone, a_trainee_points_at_the_code_with_the_probe, a_briefing_shows_the_plan, an_exam_is_sealed,
   a_rater_fills_the_form_beside_the_replay_through_the_scope, a_director_and_a_rater_open_their_pages,
   a_researcher_asks_for_a_course_and_takes_all_of_it_along,
 ];

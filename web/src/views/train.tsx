@@ -12,6 +12,7 @@ import { Button, confirm, Icon, toast, toastFault, useLoaded, view, type ViewPro
 import type { CommandInit } from "../live";
 import { routeTo, type Route } from "../router";
 import { FeedSource } from "../source";
+import type { ViewAddress } from "../station_view";
 import { Clip } from "../teach/clip";
 import { ExpertClip, prepareExpert, useExpert } from "../teach/expert";
 import { Goals, sentencesOf } from "../teach/limits_words";
@@ -20,8 +21,10 @@ import { attemptOf, beginCommand, helpCommand, leaveCommand, stopCommand, takeCo
 import { casesOf, clipAround, errorsOf, goalsMet, StepTimes, worst, type Attempt, type AttemptRow, type Hand, type Task, type Today } from "../teach/model";
 import { Next } from "../teach/next";
 import { Bar, useTick } from "../teach/parts";
+import { ProbeCursor } from "../teach/probe_cursor";
 import { format, text } from "../text";
 import { Scope } from "./scope";
+import { settingsOf } from "./scope_settings";
 
 const RATE_HZ = 60;
 const KEPT = { recent: 72 * 512, older: 0 }; // ten minutes, for the clips of errors
@@ -39,22 +42,24 @@ interface Chosen {
 function Train({ route, app }: ViewProps) {
   const station = route.args[0] ?? "";
   const words = text.teach.train;
+  const { place } = useMemo(() => settingsOf(route), [station]);
   useEffect(() => app.title(words.title(station)), [station]);
   const account = app.account?.role === "trainee" ? app.account : undefined;
   return (
     <div class="train-page">
       <h1 class="unseen">{words.title(station)}</h1>
-      {account ? <Trainee station={station} route={route} app={app} account={account} /> : <Who app={app} />}
+      {account ? <Trainee station={station} route={route} app={app} account={account} /> : <Who app={app} place={place} />}
     </div>
   );
 }
 
 // ---- who -------------------------------------------------------------------------------------------------
 
-function Who({ app }: { app: App }) {
+function Who({ app, place }: { app: App; place: ViewAddress | undefined }) {
   const words = text.teach.train;
   const [code, setCode] = useState("");
   const [fault, setFault] = useState("");
+  const [probe, setProbe] = useState(false); // is seen, and points at keys
   const input = useRef<HTMLInputElement>(null);
   useEffect(() => input.current?.focus(), []);
   const type = (value: string): void => {
@@ -78,8 +83,9 @@ function Who({ app }: { app: App }) {
       <h2>{words.who}</h2>
       <label class="who-code"><span>{words.code}</span>
         <input ref={input} class="code" value={code} autocomplete="one-time-code" spellcheck={false} aria-describedby="who-hint" onInput={(event) => type(event.currentTarget.value)} /></label>
-      <p id="who-hint" class={fault ? "fault" : "quiet-text"} role="status">{fault || words.whoHint}</p>
+      <p id="who-hint" class={fault ? "fault" : "quiet-text"} role="status">{fault || (probe ? words.whoProbe : words.whoHint)}</p>
       <div class="who-keys">
+        {place && <ProbeCursor place={place} told={setProbe} />}
         {[...KEYS].map((key) => <button type="button" class="button" key={key} onClick={() => type(code + key)}>{key}</button>)}
         <button type="button" class="button erase" onClick={() => type(code.slice(0, -1))}>{words.erase}</button>
         <button type="submit" class="button primary enter">{words.enter}</button>

@@ -7,6 +7,7 @@ import { isSkin } from "../groups";
 import type { Tissue } from "../mesh";
 import { addNormals, type Group } from "./anatomy";
 import type { ColourMap, MapName } from "./colours";
+import { Fringe } from "./fringe";
 import { grainOf, tissueMaterial } from "./materials";
 import { Dent, depthAt, type Shafts } from "./touch";
 import { displacements, Grid, GRID_MM, Rim, paintMeasured, paintMismatch, paintPlan, paintTissue, REACH, type Canvas } from "./paint";
@@ -20,6 +21,7 @@ export class Surface {
   private ghost: Mesh | undefined;
   private canvas: Canvas;
   private readonly rim: Rim | undefined;
+  private readonly fringe: Fringe | undefined; // in the scope, of a meniscus
   private readonly inScope: boolean;
   private grid: Grid | undefined;
   number = 0; // of the tissue that is shown; 0: the case's own surface
@@ -51,6 +53,8 @@ export class Surface {
     this.shown.castShadow = !group.otherShare; // what bends is drawn from elsewhere than where its vertices are
     this.shown.receiveShadow = true;
     this.rim = inScope && group.about.kind === CaseGroup_Kind.MENISCUS ? new Rim(positions) : undefined;
+    this.fringe = this.rim && new Fringe(this.dent);
+    if (this.fringe) this.shown.add(this.fringe.lines);
     if (inScope && skin) this.shown.renderOrder = 1; // last: most of it is behind other things
     this.canvas = this.newCanvas(positions, count, () => false);
     this.paint("none");
@@ -93,6 +97,7 @@ export class Surface {
     this.takeMismatch(tissue);
     const normals = geometry.getAttribute("normal").array as Float32Array;
     addNormals(positions, index, count, normals);
+    this.fringe?.set(positions, normals, this.twin);
     if (this.inScope) this.roundEdges(normals);
     geometry.setDrawRange(0, count);
     for (const name of ["position", "normal"]) geometry.getAttribute(name).needsUpdate = true;

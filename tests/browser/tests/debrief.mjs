@@ -78,8 +78,8 @@ async function another_session_is_seen_beside_and_goes_with_the_cursor(world) {
   const end = await picture(page, ".viewport.other");
   const away = async () => difference(end, await picture(page, ".viewport.other"));
   let moved = 0;
-  await key(page, "Home");
-  await until("the other's picture is another at the beginning", async () => (moved = await away()) > 4 * ALIKE);
+  await key(page, "Home"); // hands that bite in turns may be there as they are at the end
+  await until("the other's picture is another before the end", async () => (moved = await away()) > 4 * ALIKE || void (await key(page, "ArrowRight")));
   await key(page, "End");
   await until("it is the same at the end again", async () => (await away()) < moved / 4);
   await sameFigures(page, other.id);

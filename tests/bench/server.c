@@ -246,27 +246,33 @@ static enum result usual_field(const char *case_dir, const struct rounds *rounds
 
 // ---- beside other programs ----------------------------------------------------------------------
 
+static void report_busy(struct samples *idle, struct samples *busy, struct report *report) {
+    double idle_us = samples_quantile(idle, 0.999), busy_us = samples_quantile(busy, 0.999);
+    report_mark(report, "pose_p999_busy_over_idle", busy_us / idle_us, "1", 1.2, BETTER_LOW);
+    report_figure(report, idle_us, "us", "idle/p999");
+    report_figure(report, busy_us, "us", "busy/p999");
+}
+
 static enum result beside_others(const char *case_dir, const struct rounds *rounds,
                                  struct report *report, struct error *err) {
     struct hall hall;
     struct samples idle = {0}, busy = {0};
     struct hall_setup setup = {BUSY_STATIONS, case_dir, NULL, -1};
     bool granted = busy_grant();
-    enum result result = hall_start(&setup, &hall, err);
+    enum result result = granted ? hall_start(&setup, &hall, err) : RESULT_OK;
     if (result != RESULT_OK)
         return result;
-    if (granted && busy_compare(&hall, rounds->count, rounds->lasts_ns, &idle, &busy)) {
-        double idle_us = samples_quantile(&idle, 0.999), busy_us = samples_quantile(&busy, 0.999);
-        report_mark(report, "pose_p999_busy_over_idle", busy_us / idle_us, "1", 1.2, BETTER_LOW);
-        report_figure(report, idle_us, "us", "idle/p999");
-        report_figure(report, busy_us, "us", "busy/p999");
-    } else {
+    if (granted) {
+        granted = busy_compare(&hall, rounds->count, rounds->lasts_ns, &idle, &busy);
+        hall_end(&hall);
+    }
+    if (granted)
+        report_busy(&idle, &busy, report);
+    else
         report_text(report, "pose_p999_busy_over_idle",
                     "skipped: the system gives no real-time priority");
-    }
     samples_fini(&idle);
     samples_fini(&busy);
-    hall_end(&hall);
     return RESULT_OK;
 }
 

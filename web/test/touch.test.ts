@@ -8,7 +8,7 @@ import { HAS_WARPED, newRow, SEEN, toolAt, WARPED } from "../src/history";
 import { addNormals, type Group } from "../src/scene/anatomy";
 import { Joint } from "../src/scene/joint";
 import { Grid, GRID_MM } from "../src/scene/paint";
-import { Dent, depthAt, Shafts } from "../src/scene/touch";
+import { Dent, depthAt, Shade } from "../src/scene/touch";
 
 const STEP = 0.7; // mm between vertices
 
@@ -90,14 +90,14 @@ test("tissue gives way a little ahead of a tip, to the deepest of two, and never
 });
 
 test("a shaft is told from its tip backwards, in the eye's frame, and a third one not at all", () => {
-  const shafts = new Shafts();
-  for (const x of [1, 2, 3]) shafts.add(new Matrix4().makeTranslation(x, 0, -10), { radius: 2, y: 0.5 });
-  const ends = shafts.ends.value.map((end) => end.toArray());
+  const shade = new Shade();
+  for (const x of [1, 2, 3]) shade.add(new Matrix4().makeTranslation(x, 0, -10), { radius: 2, y: 0.5 });
+  const ends = shade.ends.value.map((end) => end.toArray());
   assert.deepEqual(ends.map(([x]) => x), [1, 1, 2, 2]);
   assert.deepEqual(ends[0], [1, 0.5, -12, 2]);
   assert.deepEqual(ends[1]!.slice(0, 3), [1, 0.5, -70]);
-  shafts.clear();
-  assert.ok(shafts.ends.value.every(({ z, w }, i) => z > 0 && (i % 2 || w === 0)));
+  shade.clear();
+  assert.ok(shade.ends.value.every(({ z, w }, i) => z > 0 && (i % 2 || w === 0)));
 });
 
 function meniscus(): Group {

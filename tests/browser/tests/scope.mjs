@@ -145,6 +145,24 @@ async function exposed(page, where) {
   assert.fail(`${where}: ${(100 * found.white).toFixed(1)} % are white, ${found.light.toFixed(0)} of 255 bright`);
 }
 
+// A picture is drawn with shadows and hollows where a graphics processor draws it. Here none does, so it is slow.
+function asIfByGraphicsProcessor() {
+  const UNMASKED_RENDERER = 0x9246;
+  const real = WebGL2RenderingContext.prototype.getParameter;
+  WebGL2RenderingContext.prototype.getParameter = function (name) {
+    return name === UNMASKED_RENDERER ? "A graphics processor" : real.call(this, name);
+  };
+}
+
+async function with_shadows_and_hollows_the_picture_is_neither_white_nor_black(world) {
+  await world.testbed.runStation("room-1");
+  const page = await open(world, "room-1", asIfByGraphicsProcessor);
+  await turn(page, 90 / STEP_DEG); // along a meniscus that is being cut
+  await exposed(page, "with shadows and hollows");
+  await world.browser.picture(page, "scope-with-shadows");
+  await page.close();
+}
+
 async function what_stands_is_drawn_finely(world) {
   await world.testbed.runStation("room-2");
   const page = await open(world, "room-2");
@@ -322,6 +340,7 @@ export const tests = [
   the_keys_are_there_to_be_seen,
   colours_of_touch_and_sight_are_off_until_they_are_asked_for,
   a_marker_is_where_an_independent_projection_says, near_bone_and_far_from_it_the_picture_is_neither_white_nor_black,
-  what_stands_is_drawn_finely, a_far_server_does_not_make_the_tip_late, the_place_of_one_station_is_not_asked_for_another,
+  with_shadows_and_hollows_the_picture_is_neither_white_nor_black, what_stands_is_drawn_finely,
+  a_far_server_does_not_make_the_tip_late, the_place_of_one_station_is_not_asked_for_another,
   a_pause_and_the_end_leave_the_trainee_the_picture,
 ];

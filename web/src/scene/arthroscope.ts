@@ -9,6 +9,7 @@ import { isOptic, USUAL, type Instruments } from "../instruments";
 import { Exposure, TONE } from "./exposure";
 import type { MapName } from "./colours";
 import type { Joint, Show } from "./joint";
+import { Occlusion } from "./occlusion";
 import { cameraFieldDeg, cameraInTip, type Optic } from "./optic";
 import { SHADOW } from "./shadow";
 import { AdaptiveResolution, newRenderer } from "./view3d";
@@ -38,6 +39,7 @@ export class Arthroscope {
   private ratio = 0; // pixels of the picture for each of those; 0: not sized yet
   private readonly exposure: Exposure;
   private readonly water = new Water(LIGHT);
+  private readonly occlusion: Occlusion | undefined;
   private readonly lamp = new SpotLight(0xfffaf2, LIGHT, 0, 1, 0.9, FADE);
 
   constructor(canvas: HTMLCanvasElement, private readonly joint: Joint, optic: Optic) {
@@ -46,6 +48,7 @@ export class Arthroscope {
     this.exposure = new Exposure(this.renderer.getContext() as WebGL2RenderingContext);
     this.renderer.toneMapping = CustomToneMapping;
     this.renderer.shadowMap.enabled = this.lamp.castShadow = !drawnBySoftware(); // as smooth edges
+    if (this.lamp.castShadow) this.occlusion = new Occlusion(this.renderer, joint.shade.openness);
     this.scene.background = new Color(DEPTH);
     this.scene.fog = new FogExp2(TURBID.colour, TURBID.per_mm);
     this.lamp.position.set(FIBRES.x, FIBRES.y, FIBRES.z);
@@ -64,6 +67,7 @@ export class Arthroscope {
     this.resolution.close();
     this.lamp.dispose();
     this.water.dispose();
+    this.occlusion?.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
   }
@@ -116,6 +120,7 @@ export class Arthroscope {
     this.resize();
     this.water.move(this.camera, time, this.side * this.ratio);
     this.renderer.toneMappingExposure = this.exposure.at(now);
+    this.occlusion?.draw(this.scene, this.camera, Math.floor(this.side * this.ratio));
     this.renderer.render(this.scene, this.camera);
     this.exposure.meter(now, this.camera);
     return true;

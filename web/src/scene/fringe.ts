@@ -41,7 +41,7 @@ export class Fringe {
   readonly lines: LineSegments;
 
   constructor(dent: Dent | undefined) {
-    this.lines = new LineSegments(new BufferGeometry(), tissueMaterial({ colour: COLOUR, dent }));
+    this.lines = new LineSegments(new BufferGeometry(), tissueMaterial({ colour: COLOUR, dent, thread: true }));
     this.lines.frustumCulled = false;
     this.lines.visible = false;
   }

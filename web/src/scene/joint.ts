@@ -20,7 +20,7 @@ import { LooseBodies } from "./loose";
 import { DetachedPieces } from "./pieces";
 import { steelMaterial } from "./materials";
 import { Surface } from "./surface";
-import { Shafts } from "./touch";
+import { Shade } from "./touch";
 
 export interface Show {
   ghost: boolean;
@@ -97,14 +97,14 @@ export class Joint {
   private readonly marker: Group;
   private readonly pieces = new DetachedPieces();
   private readonly loose: LooseBodies;
-  private readonly shafts = new Shafts();
+  readonly shade = new Shade();
   private show: Show = { ...USUAL_SHOW };
   private stale = new Set<Surface>(); // to be painted anew
   private paintedAt = 0;
   private readonly displacedAt = Array.from({ length: 2 * BODIES }, () => new Matrix4());
 
   constructor(readonly knee: Knee, private readonly inScope = false) {
-    this.surfaces = knee.groups.filter(({ body }) => body >= 0).map((group) => new Surface(group, inScope ? this.shafts : undefined));
+    this.surfaces = knee.groups.filter(({ body }) => body >= 0).map((group) => new Surface(group, inScope ? this.shade : undefined));
     for (const { physical, virtual } of this.bodies) this.root.add(physical, virtual);
     for (const surface of this.surfaces) this.bodies[surface.group.body]!.virtual.add(surface.shown);
     this.loose = new LooseBodies(inScope);
@@ -233,12 +233,12 @@ export class Joint {
 
   /** In the scope tips dent what they press on, and shafts shade what is near. `toEye`: from the joint's frame to the camera's. */
   touch(toEye: Matrix4): void {
-    this.shafts.clear();
+    this.shade.clear();
     for (const { dent } of this.surfaces) dent?.clear();
     this.tools.forEach((tool, place) => {
       if (!tool?.shown.root.visible) return;
       const { root: { matrix }, shaft } = tool.shown;
-      this.shafts.add(scratch.multiplyMatrices(toEye, matrix), shaft);
+      this.shade.add(scratch.multiplyMatrices(toEye, matrix), shaft);
       if (this.instruments[place]!.cuts) return;
       for (const surface of this.surfaces) {
         scratch.copy(this.bodies[surface.group.body]!.virtual.matrix).invert();

@@ -3,7 +3,7 @@
 import { BackSide, Color, DoubleSide, FrontSide, Matrix4, MeshPhongMaterial, ShaderChunk, type Side, type WebGLProgramParametersWithUniforms } from "three";
 import { CaseGroup_Kind, CaseGroup_Side, type CaseGroup } from "wire";
 import type { Colour } from "./colours";
-import { SHADE, YIELD, type Dent, type Shafts } from "./touch";
+import { SHADE, YIELD, type Dent, type Shade } from "./touch";
 
 const CUT: Colour = [226, 158, 136];
 const CARTILAGE: Colour = [217, 230, 232]; // of a bone's part
@@ -56,7 +56,8 @@ export interface Look {
   colour?: number; // of all of it, instead of the vertices' own
   grain?: Grain | undefined; // as the scope sees it
   dent?: Dent | undefined;
-  shafts?: Shafts | undefined;
+  shade?: Shade | undefined;
+  thread?: boolean; // so thin that light reaches it from wherever the eye looks
 }
 
 // A tissue's fine structure: how often it changes in a millimetre along each axis, how rough it is, how much of the
@@ -95,7 +96,7 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
     depthWrite: opacity === 1,
     side: look.side ?? FrontSide,
   });
-  const { grain, dent, shafts } = look;
+  const { grain, dent, shade, thread } = look;
   material.onBeforeCompile = (shader) => {
     if (other) {
       shader.uniforms.other = { value: other };
@@ -105,9 +106,10 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
     }
     if (grain) moisten(shader, grain);
     if (dent) giveWay(shader, dent);
-    if (shafts) shadeBy(shader, shafts);
+    if (shade) shadeBy(shader, shade);
+    if (thread) shader.fragmentShader = shader.fragmentShader.replace("#include <normal_fragment_begin>", "$&\nnormal = normalize(vViewPosition);");
   };
-  material.customProgramCacheKey = () => `${other ? "bridge" : ""}${dent ? "dent" : ""}${shafts ? "shafts" : ""}${JSON.stringify(grain)}`;
+  material.customProgramCacheKey = () => `${other ? "bridge" : ""}${dent ? "dent" : ""}${shade ? "shade" : ""}${thread ? "thread" : ""}${JSON.stringify(grain)}`;
   return material;
 }
 
@@ -139,8 +141,8 @@ function giveWay(shader: Shader, dent: Dent): void {
     .replace("#include <beginnormal_vertex>", `#include <beginnormal_vertex>${YIELD.normal}`).replace("#include <begin_vertex>", `#include <begin_vertex>${YIELD.place}`);
 }
 
-function shadeBy(shader: Shader, { ends }: Shafts): void {
-  shader.uniforms.shafts = ends;
+function shadeBy(shader: Shader, { ends, openness }: Shade): void {
+  Object.assign(shader.uniforms, { shafts: ends, openness: openness.map, opennessPx: openness.px });
   shader.fragmentShader = SHADE.uniforms + shader.fragmentShader.replace("#include <aomap_fragment>", SHADE.light);
 }
 

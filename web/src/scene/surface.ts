@@ -9,7 +9,7 @@ import { addNormals, type Group } from "./anatomy";
 import type { ColourMap, MapName } from "./colours";
 import { Fringe } from "./fringe";
 import { grainOf, tissueMaterial } from "./materials";
-import { Dent, depthAt, type Shafts } from "./touch";
+import { Dent, depthAt, type Shade } from "./touch";
 import { displacements, Grid, GRID_MM, Rim, paintMeasured, paintMismatch, paintPlan, paintTissue, REACH, type Canvas } from "./paint";
 
 const GHOST = 0x4aa3ff;
@@ -30,9 +30,9 @@ export class Surface {
 
   readonly dent: Dent | undefined; // in the scope, of what does not bend between bodies
 
-  /** `shafts`: in the scope, those that shade it. */
-  constructor(readonly group: Group, shafts?: Shafts) {
-    const inScope = (this.inScope = shafts !== undefined);
+  /** `shade`: in the scope, what takes light from it. */
+  constructor(readonly group: Group, shade?: Shade) {
+    const inScope = (this.inScope = shade !== undefined);
     const grain = inScope ? grainOf(group.about) : undefined;
     if (grain?.give && !group.otherShare) this.dent = new Dent(grain.give);
     const geometry = new BufferGeometry();
@@ -45,7 +45,7 @@ export class Surface {
     if (group.otherShare) geometry.setAttribute("share", new BufferAttribute(group.otherShare, 1));
     const skin = isSkin(group.about);
     this.shown = new Mesh(geometry, tissueMaterial({
-      grain, dent: this.dent, shafts, side: inScope && skin ? BackSide : FrontSide, // the scope is in it
+      grain, dent: this.dent, shade, side: inScope && skin ? BackSide : FrontSide, // the scope is in it
       opacity: skin && !inScope ? 0.25 : 1,
     }, group.otherShare && this.other));
     this.shown.frustumCulled = false;

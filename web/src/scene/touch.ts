@@ -1,5 +1,6 @@
-// How tissue in the scope answers a tool: it gives way to a tip, and what lies close to a shaft gets less light.
-import { Matrix4, Vector3, Vector4 } from "three";
+// How tissue in the scope answers a tool: it gives way to a tip, and what lies close to a shaft, or in a hollow, gets
+// less light.
+import { Matrix4, Vector2, Vector3, Vector4, type Texture } from "three";
 import type { Grid } from "./paint";
 
 const REACH = 2; // mm around a tip, of the surface that tells how deep the tip is
@@ -82,9 +83,17 @@ export interface Shaft {
   y: number;
 }
 
-/** The shafts in the eye's frame, two ends of each; the first end's fourth component is the radius. */
-export class Shafts {
+/** How much of the half ball over each place of the picture is free; px: one over its size, 0 where nobody knows. */
+export class Openness {
+  readonly map: { value: Texture | null } = { value: null };
+  readonly px = { value: new Vector2() };
+}
+
+/** What takes light from tissue: shafts near it, and hollows. */
+export class Shade {
+  /** Of the shafts, in the eye's frame, two of each; the first one's fourth component is the radius. */
   readonly ends = { value: Array.from({ length: 2 * SHAFTS }, () => new Vector4()) };
+  readonly openness = new Openness();
   private count = 0;
 
   constructor() {
@@ -105,9 +114,9 @@ export class Shafts {
   }
 }
 
-/** In a fragment shader: a shaft hides a part of what a place sees (the solid angle of its nearest disc). */
+/** In a fragment shader: a shaft hides a part of what a place sees (the solid angle of its nearest disc), and so does tissue. */
 export const SHADE = {
-  uniforms: `uniform vec4 shafts[${2 * SHAFTS}];\n`,
+  uniforms: `uniform vec4 shafts[${2 * SHAFTS}];\nuniform sampler2D openness;\nuniform vec2 opennessPx;\n`,
   light: `
     float open = 1.0;
     for (int i = 0; i < ${2 * SHAFTS}; i += 2) {
@@ -118,5 +127,11 @@ export const SHADE = {
     }
     reflectedLight.directDiffuse *= open;
     reflectedLight.directSpecular *= open;
-    reflectedLight.indirectDiffuse *= open;`,
+    reflectedLight.indirectDiffuse *= open;
+    if (opennessPx.x > 0.0) {
+      float free = 0.0;
+      for (int i = 0; i < 4; i++) free += 0.25 * texture2D(openness, (gl_FragCoord.xy + 2.0 * vec2(i % 2 == 0 ? -1 : 1, i < 2 ? -1 : 1)) * opennessPx).x;
+      reflectedLight.directDiffuse *= mix(1.0, free, 0.6); // the lamp looks into hollows, too
+      reflectedLight.indirectDiffuse *= free;
+    }`,
 };

@@ -156,25 +156,37 @@ static void count_error(struct attempt *a, const struct site *site, int error, i
         a->end = ATTEMPT_SENTINEL;
 }
 
+static void judge_error(struct attempt *a, const struct site *site,
+                        const struct session_output *output, const struct looking *looking,
+                        int error, int tool, struct attempt_news *news) {
+    const struct task_error *e = &site_task(site)->errors[error];
+    struct error_state *state = &a->found[error][tool];
+    bool holds = error_holds(site, error, tool, output, looking, a, state);
+    bool is_long =
+        hold(&state->hold, holds, a->running_ns, state->counted ? ERROR_APART_NS : HELD_NS,
+             e->dropped ? 0 : ns_of(e->for_s));
+    if (!state->hold.holds)
+        state->counted = false;
+    if (!is_long || state->counted)
+        return;
+    state->counted = true;
+    count_error(a, site, error, tool, news);
+}
+
+// A tool that is not there makes no error, and one that it made may go on for a while.
 static void judge_errors(struct attempt *a, const struct site *site,
                          const struct session_output *output, const struct looking *looking,
                          struct attempt_news *news) {
-    const struct task *task = site_task(site);
-    for (int e = 0; e < task->error_count; e++)
-        for (int tool = 0; tool < (error_is_of_tool(site, e) ? site_tools(site)->count : 1);
-             tool++) {
-            struct error_state *state = &a->found[e][tool];
-            bool holds = error_holds(site, e, tool, output, looking, a, state);
-            bool is_long =
-                hold(&state->hold, holds, a->running_ns, state->counted ? ERROR_APART_NS : HELD_NS,
-                     task->errors[e].dropped ? 0 : ns_of(task->errors[e].for_s));
-            if (!state->hold.holds)
-                state->counted = false;
-            if (!is_long || state->counted)
-                continue;
-            state->counted = true;
-            count_error(a, site, e, tool, news);
+    int tools = site_tools(site)->count;
+    for (int e = 0; e < site_task(site)->error_count; e++) {
+        if (!error_is_of_tool(site, e)) {
+            judge_error(a, site, output, looking, e, 0, news);
+            continue;
         }
+        for (int tool = 0; tool < tools; tool++)
+            if (output->instruments[tool].present || a->found[e][tool].hold.holds)
+                judge_error(a, site, output, looking, e, tool, news);
+    }
 }
 
 // ---- the step -----------------------------------------------------------------------------------

@@ -100,7 +100,8 @@ static bool is_met(struct attempt *a, const struct site *site, const struct sess
                    const struct looking *looking, int index) {
     const struct goal *goal = &site_task(site)->goals[index];
     struct goal_state *state = &a->goals[index];
-    bool holds = goal_holds_joint(goal, site, output) && stays(goal, a, looking) &&
+    bool holds = goal_may_be_seen(goal, site, index, output, looking) &&
+                 goal_holds_joint(goal, site, output) && stays(goal, a, looking) &&
                  goal_is_through(site, index, output, looking) &&
                  goal_resected(goal, site_goal(site, index), a) &&
                  goal_took_out(goal, site_goal(site, index), output) &&

@@ -74,15 +74,16 @@ static bool is_point_seen(const struct goal *goal, const struct site *site, int 
            site_sees(site, output->T_mockup_virtual, scope, cut, p, hint);
 }
 
-// Whether all points of the landmark are clearly beside the picture, too far or too near.
-static bool is_out_of_sight(const struct goal *goal, const struct site *site, int index,
-                            const struct session_output *output, const struct looking *looking) {
+bool goal_may_be_seen(const struct goal *goal, const struct site *site, int index,
+                      const struct session_output *output, const struct looking *looking) {
     const struct site_goal *g = site_goal(site, index);
+    if (!goal->see[0] || !looking->is_there)
+        return !goal->see[0];
     vec3 middle = pose_apply(output->T_mockup_virtual[g->see.body], g->see.middle);
     vec3 way = vec3_sub(middle, looking->T_mockup_scope.translation);
     double distance = vec3_length(way), radius = g->see.radius_mm + CLEARLY_MM;
-    return distance - radius > goal->within_mm || distance + radius < goal->beyond_mm ||
-           vec3_dot(looking->axis, way) + radius < g->seen_cosine * (distance - radius);
+    return distance - radius <= goal->within_mm && distance + radius >= goal->beyond_mm &&
+           vec3_dot(looking->axis, way) + radius >= g->seen_cosine * (distance - radius);
 }
 
 // The point that was seen last is tried first.
@@ -93,8 +94,7 @@ bool goal_is_seen(const struct goal *goal, const struct site *site, int index,
     struct goal_hints *hints = &attempt->hints[index];
     if (!goal->see[0])
         return true;
-    if (!looking->is_there || is_out_of_sight(goal, site, index, output, looking) ||
-        !is_upright(goal, site, output, looking))
+    if (!is_upright(goal, site, output, looking))
         return false;
     const pose *T = &output->T_mockup_virtual[spot->body];
     for (int k = 0; k < spot->shown_count; k++) {

@@ -14,6 +14,11 @@ struct looking {
 
 struct looking looking_at(const struct site *site, const struct session_output *output);
 
+// False where all points of its landmark are clearly beside the picture, too far or too near. It is
+// cheap: asked first, it answers for most goals at most steps.
+bool goal_may_be_seen(const struct goal *goal, const struct site *site, int index,
+                      const struct session_output *output, const struct looking *looking);
+// Of one that may be.
 bool goal_is_seen(const struct goal *goal, const struct site *site, int index,
                   const struct session_output *output, const struct looking *looking,
                   struct attempt *attempt);

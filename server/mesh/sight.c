@@ -172,6 +172,7 @@ static void meet_triangle(const struct RTCOccludedFunctionNArguments *arguments)
 static bool crosses_hinted(const struct sight *sight, const struct asking *asking,
                            const struct sight_hint *hint) {
     const struct mesh *mesh = sight->surfaces[hint->mesh].mesh;
+    CHECK(!mesh || hint->triangle < mesh->triangle_count);
     return mesh && (asking->which >> hint->mesh & 1) && crosses(asking, mesh, hint->triangle);
 }
 

@@ -25,6 +25,6 @@ struct sight_hint {
 // Whether no triangle of the meshes in `which` crosses the straight way from one point to the
 // other. What crosses it in the last spare_mm does not count. Both in the meshes' frame, finite.
 // The hint is tried first, so an answer near the last one is cheap. It becomes a triangle that
-// crosses. Zeroed, or of another sight, it changes nothing.
+// crosses. Zeroed, or of another sight of the same meshes, it changes nothing.
 bool sight_is_clear(const struct sight *sight, uint32_t which, vec3 from, vec3 to, double spare_mm,
                     struct sight_hint *hint);

@@ -53,4 +53,9 @@ export class Fringe {
     this.lines.geometry = new BufferGeometry();
     this.lines.geometry.setAttribute("position", new BufferAttribute(ends, 3)).setAttribute("normal", new BufferAttribute(ways, 3));
   }
+
+  dispose(): void {
+    this.lines.geometry.dispose();
+    (this.lines.material as ReturnType<typeof tissueMaterial>).dispose();
+  }
 }

@@ -1,6 +1,6 @@
 // How tissue and steel look. One lamp goes with the eye in the overview; in the scope it is at the tip
 // and fades with distance.
-import { BackSide, Color, DoubleSide, FrontSide, Matrix4, MeshPhongMaterial, ShaderChunk, type Side, type WebGLProgramParametersWithUniforms } from "three";
+import { BackSide, Color, DoubleSide, FrontSide, Matrix4, MeshPhongMaterial, ShaderChunk, Vector2, type Side, type WebGLProgramParametersWithUniforms } from "three";
 import { CaseGroup_Kind, CaseGroup_Side, type CaseGroup } from "wire";
 import type { Colour } from "./colours";
 import { SHADE, YIELD, type Dent, type Shade } from "./touch";
@@ -106,7 +106,7 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
     }
     if (grain) moisten(shader, grain);
     if (dent) giveWay(shader, dent);
-    if (shade) shadeBy(shader, shade);
+    if (shade) shadeBy(shader, shade, other !== undefined);
     if (thread) shader.fragmentShader = shader.fragmentShader.replace("#include <normal_fragment_begin>", "$&\nnormal = normalize(vViewPosition);");
   };
   material.customProgramCacheKey = () => `${other ? "bridge" : ""}${dent ? "dent" : ""}${shade ? "shade" : ""}${thread ? "thread" : ""}${JSON.stringify(grain)}`;
@@ -141,8 +141,9 @@ function giveWay(shader: Shader, dent: Dent): void {
     .replace("#include <beginnormal_vertex>", `#include <beginnormal_vertex>${YIELD.normal}`).replace("#include <begin_vertex>", `#include <begin_vertex>${YIELD.place}`);
 }
 
-function shadeBy(shader: Shader, { ends, openness }: Shade): void {
-  Object.assign(shader.uniforms, { shafts: ends, openness: openness.map, opennessPx: openness.px });
+// What bends between bodies is in no picture of depths.
+function shadeBy(shader: Shader, { ends, openness }: Shade, bends: boolean): void {
+  Object.assign(shader.uniforms, { shafts: ends, openness: openness.map, opennessPx: bends ? { value: new Vector2() } : openness.px });
   shader.fragmentShader = SHADE.uniforms + shader.fragmentShader.replace("#include <aomap_fragment>", SHADE.light);
 }
 

@@ -206,6 +206,7 @@ export class Surface {
   dispose(): void {
     this.shown.geometry.dispose();
     this.shown.material.dispose();
+    this.fringe?.dispose();
     if (this.ghost) {
       this.ghost.geometry.dispose();
       (this.ghost.material as MeshPhongMaterial).dispose();

@@ -59,7 +59,7 @@ function Who({ app, place }: { app: App; place: ViewAddress | undefined }) {
   const words = text.teach.train;
   const [code, setCode] = useState("");
   const [fault, setFault] = useState("");
-  const [probe, setProbe] = useState(false); // is seen, and points at keys
+  const [probe, setProbe] = useState(false); // was seen, and may point at keys
   const input = useRef<HTMLInputElement>(null);
   useEffect(() => input.current?.focus(), []);
   const type = (value: string): void => {
@@ -85,7 +85,7 @@ function Who({ app, place }: { app: App; place: ViewAddress | undefined }) {
         <input ref={input} class="code" value={code} autocomplete="one-time-code" spellcheck={false} aria-describedby="who-hint" onInput={(event) => type(event.currentTarget.value)} /></label>
       <p id="who-hint" class={fault ? "fault" : "quiet-text"} role="status">{fault || (probe ? words.whoProbe : words.whoHint)}</p>
       <div class="who-keys">
-        {place && <ProbeCursor place={place} told={setProbe} />}
+        {place && <ProbeCursor key={`${place.port}`} place={place} told={(seen) => seen && setProbe(true)} />}
         {[...KEYS].map((key) => <button type="button" class="button" key={key} onClick={() => type(code + key)}>{key}</button>)}
         <button type="button" class="button erase" onClick={() => type(code.slice(0, -1))}>{words.erase}</button>
         <button type="submit" class="button primary enter">{words.enter}</button>

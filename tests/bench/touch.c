@@ -84,7 +84,7 @@ static void follow(struct touched *t, const struct cut_change *change) {
     uint32_t *ids;
     cut_mesh_flatten(t->cut, &mesh, NULL, &ids);
     bool *fresh = fresh_of(t->cut, change, ids, mesh.triangle_count);
-    struct conform_target target = {&mesh, fresh, change->volume_mm3, true, true};
+    struct conform_target target = {&mesh, fresh, change->volume_mm3, true};
     struct conform_report report;
     double begin = thread_ms();
     conform_to(t->conform, &target, &report);

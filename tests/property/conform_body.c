@@ -117,20 +117,11 @@ void body_take_section(struct body *b, struct cut_state *out) {
     assert_true(take(b, &section, out));
 }
 
-static struct conform_report follow_by(struct conform *conform, const struct cut_state *state,
-                                       bool lays, bool quickly) {
-    struct conform_target target = {&state->mesh, state->fresh, state->volume, lays, quickly};
+struct conform_report follow(struct conform *conform, const struct cut_state *state, bool lays) {
+    struct conform_target target = {&state->mesh, state->fresh, state->volume, lays};
     struct conform_report report;
     conform_to(conform, &target, &report);
     return report;
-}
-
-struct conform_report follow(struct conform *conform, const struct cut_state *state, bool lays) {
-    return follow_by(conform, state, lays, true);
-}
-
-struct conform_report follow_thoroughly(struct conform *conform, const struct cut_state *state) {
-    return follow_by(conform, state, false, false);
 }
 
 // ---- oracles ------------------------------------------------------------------------------------

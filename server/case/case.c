@@ -73,6 +73,7 @@ void case_destroy(struct knee_case **knee) {
         free(group->maxcut);
         free(group->other_share);
         free(group->covered);
+        free(group->wear);
         free(group->lesion.tear.parts);
         free(group->lesion.damage.parts);
         free(group->lesion.plan.parts);
@@ -153,6 +154,8 @@ static void append_mesh(struct case_group *group, const struct mesh *mesh) {
     if (group->covered)
         group->covered =
             append_floats(group->covered, joined->vertex_count, NULL, mesh->vertex_count);
+    if (group->wear)
+        group->wear = append_floats(group->wear, joined->vertex_count, NULL, mesh->vertex_count);
     size_t corners = 3 * (size_t)joined->triangle_count;
     size_t more_corners = 3 * (size_t)mesh->triangle_count;
     joined->triangles =
@@ -212,6 +215,12 @@ float *case_group_need_covered(struct case_group *group) {
     if (!group->covered)
         group->covered = alloc(group->mesh.vertex_count, sizeof *group->covered);
     return group->covered;
+}
+
+float *case_group_need_wear(struct case_group *group) {
+    if (!group->wear)
+        group->wear = alloc(group->mesh.vertex_count, sizeof *group->wear);
+    return group->wear;
 }
 
 static bool is_covered(const struct case_group *group, uint32_t triangle) {
@@ -306,6 +315,17 @@ static enum result check_covered(const struct case_group *group, struct error *e
                 : fail(err, RESULT_INVALID, "group %s: all of it is covered", group->name);
 }
 
+static enum result check_wear(const struct case_group *group, struct error *err) {
+    if (group->wear && group->cuttable)
+        return fail(err, RESULT_INVALID, "group %s is cuttable, so nothing of it can be worn",
+                    group->name);
+    for (uint32_t v = 0; group->wear && v < group->mesh.vertex_count; v++)
+        if (!(group->wear[v] >= 0 && group->wear[v] <= CASE_WEAR_MOST))
+            return fail(err, RESULT_INVALID, "group %s: wear of vertex %u is not 0 to %g",
+                        group->name, v, CASE_WEAR_MOST);
+    return RESULT_OK;
+}
+
 static enum result check_cuttable(const struct case_group *group, struct error *err) {
     struct topology t = topology_of(&group->mesh);
     if (group->part_count != 1)
@@ -373,6 +393,8 @@ static enum result check_group(const struct case_group *group, struct error *err
         result = check_bridge(group, err);
     if (result == RESULT_OK)
         result = check_covered(group, err);
+    if (result == RESULT_OK)
+        result = check_wear(group, err);
     if (result == RESULT_OK && group->cuttable)
         result = check_cuttable(group, err);
     if (result == RESULT_OK)

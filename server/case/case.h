@@ -47,6 +47,10 @@ struct case_lesion {
     struct case_region plan;   // the planned resection
 };
 
+// The International Cartilage Repair Society's grades of a cartilage: 0 whole, 1 soft or with
+// cracks in its surface, 2 fissured to less than half of its depth, 3 deeper, 4 down to the bone.
+#define CASE_WEAR_MOST 4.0
+
 struct case_group {
     char name[CASE_NAME_MAX]; // tibia, femur, patella, meniscus_medial, meniscus_lateral, acl,
                               // pcl, mcl, lcl, skin; others are allowed
@@ -56,9 +60,11 @@ struct case_group {
     enum body other_body;
     float *other_share; // where it bridges: for each vertex, 0 at its body .. 1 at the other
                         // (generate/bridge.h); else NULL
-    float *covered;   // for each vertex: 1 where the group's other parts hide all of its triangles
-                      // (import/cover.h), else 0; NULL where none is
-    bool cuttable;    // must be one closed, manifold, oriented part that bridges nothing
+    float *covered; // for each vertex: 1 where the group's other parts hide all of its triangles
+                    // (import/cover.h), else 0; NULL where none is
+    float *wear;    // for each vertex: how worn the cartilage is, the ICRS grade of 0 (whole) to 4
+                    // (bare bone); NULL where all is whole
+    bool cuttable;  // must be one closed, manifold, oriented part that bridges nothing
     struct mesh mesh; // all parts, joined
     float *warp;      // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
     float *maxcut;    // 3 * vertex_count, mm: what a whole resection adds to S + warp; or NULL
@@ -159,8 +165,8 @@ enum result case_load_checked(const char *dir, case_checker check, struct knee_c
 // order; a landmark without a valid and new name or with a place or error that is none; a loose
 // body without a valid and new name or with a place or radii that are none; shares outside 0 to 1,
 // or of a bridge from a body to itself; a group of which all or something that can be cut is
-// covered; a torn ligament without a key or with another's name, or a key of none; a group without
-// a mesh. The error names group or key.
+// covered; wear of what can be cut, or beyond 0 to 4; a torn ligament without a key or with
+// another's name, or a key of none; a group without a mesh. The error names group or key.
 enum result case_validate(const struct knee_case *knee, struct error *err);
 
 // Writes both files into `dir` (made where missing, with its parents) and sets the hash. The case
@@ -181,7 +187,7 @@ void case_destroy(struct knee_case **knee); // NULL inside is fine; *knee become
 // and new; its tissue is the usual one. Earlier pointers to groups stay good.
 struct case_group *case_add_group(struct knee_case *knee, const char *name, enum body body);
 
-// Joins a mesh to a group as a part (copied). Displacements, shares and what is covered get zeros
+// Joins a mesh to a group as a part (copied). Displacements, shares, covers and wear get zeros
 // where the group has them. A part may bear its group's name: its node in the file is then `group`,
 // otherwise `group/part`. Refused: what mesh_validate refuses, a bad or second name, more than
 // CASE_PARTS_MAX.
@@ -208,6 +214,7 @@ void case_group_surface(const struct case_group *group, struct mesh *out_mesh);
 float *case_group_need_warp(struct case_group *group);
 float *case_group_need_maxcut(struct case_group *group);
 float *case_group_need_covered(struct case_group *group); // as these
+float *case_group_need_wear(struct case_group *group);
 
 // Makes the group bridge from its body to another one, with shares of 0. It must not do so yet. Of
 // no other kind it is a ligament from now on.

@@ -87,6 +87,9 @@ static enum result take_node(struct knee_case *knee, const struct gltf_node *nod
     if (node->covered)
         memcpy(case_group_need_covered(group) + group->parts[group->part_count - 1].first_vertex,
                node->covered, node->vertex_count * sizeof *group->covered);
+    if (node->wear)
+        memcpy(case_group_need_wear(group) + group->parts[group->part_count - 1].first_vertex,
+               node->wear, node->vertex_count * sizeof *group->wear);
     return take_shares(group, node, err);
 }
 
@@ -185,6 +188,7 @@ static struct gltf_node node_of_part(const struct case_group *group, const struc
         .maxcut = group->maxcut ? group->maxcut + vertex : NULL,
         .other_share = group->bridges ? group->other_share + part->first_vertex : NULL,
         .covered = group->covered ? group->covered + part->first_vertex : NULL,
+        .wear = group->wear ? group->wear + part->first_vertex : NULL,
     };
     if (strcmp(group->name, part->name) == 0)
         snprintf(node.name, sizeof node.name, "%s", group->name);

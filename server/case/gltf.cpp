@@ -27,7 +27,7 @@ std::vector<float> read_vectors(const gltf_elements &from) {
 
 struct loaded_node {
     gltf_node view;
-    std::vector<float> positions, warp, maxcut, other_share, covered;
+    std::vector<float> positions, warp, maxcut, other_share, covered, wear;
     std::vector<uint32_t> triangles;
 };
 
@@ -78,7 +78,7 @@ std::vector<float> read_attribute(const tinygltf::Model &model,
     gltf_elements from = gltf_locate_floats(model, index, TINYGLTF_TYPE_SCALAR, name);
     if (from.count != vertex_count)
         throw gltf_refusal{RESULT_FORMAT, gltf_accessor_name(name, index) + ": " +
-                                              std::to_string(from.count) + " shares for " +
+                                              std::to_string(from.count) + " numbers for " +
                                               std::to_string(vertex_count) + " vertices"};
     std::vector<float> values(from.count);
     for (size_t i = 0; i < from.count; i++)
@@ -130,6 +130,7 @@ void read_node(const tinygltf::Model &model, const tinygltf::Node &from, uint32_
     read_targets(model, mesh, node);
     node.other_share = read_attribute(model, primitive, gltf_other_share, node.view.vertex_count);
     node.covered = read_attribute(model, primitive, gltf_covered, node.view.vertex_count);
+    node.wear = read_attribute(model, primitive, gltf_wear, node.view.vertex_count);
 }
 
 void publish(loaded_node &node) {
@@ -139,6 +140,7 @@ void publish(loaded_node &node) {
     node.view.maxcut = node.maxcut.empty() ? nullptr : node.maxcut.data();
     node.view.other_share = node.other_share.empty() ? nullptr : node.other_share.data();
     node.view.covered = node.covered.empty() ? nullptr : node.covered.data();
+    node.view.wear = node.wear.empty() ? nullptr : node.wear.data();
 }
 
 // A mesh for two nodes would cost memory that the file's size does not bound.
@@ -187,7 +189,7 @@ static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits,
         }
         // Accessors that share bytes must not multiply them; 16-bit indices double theirs.
         size_t used = (node.positions.size() + node.warp.size() + node.maxcut.size() +
-                       node.other_share.size() + node.covered.size()) *
+                       node.other_share.size() + node.covered.size() + node.wear.size()) *
                           4 +
                       node.triangles.size() * 2;
         if (used > budget)

@@ -2,11 +2,12 @@
 //
 // Only what a case needs is read: one buffer inside the file; for each node with a mesh one
 // primitive of indexed triangles, float positions, u16 or u32 indices, the attributes
-// `_OTHER_SHARE` and `_COVERED` (one float each), and the morph targets `warp` and `maxcut`
-// (mesh.extras.targetNames) as differences. Materials, normals, cameras, lights are passed over.
-// Refused, with node and accessor: sparse or quantised accessors, required extensions (Draco and
-// the like), anything outside of the file, images, nodes with a transform or a parent, and whatever
-// does not lie within its buffer view, read or not. Files are in metres, memory in millimetres.
+// `_OTHER_SHARE`, `_COVERED` and `_WEAR` (one float each), and the morph targets `warp` and
+// `maxcut` (mesh.extras.targetNames) as differences. Materials, normals, cameras, lights are passed
+// over. Refused, with node and accessor: sparse or quantised accessors, required extensions (Draco
+// and the like), anything outside of the file, images, nodes with a transform or a parent, and
+// whatever does not lie within its buffer view, read or not. Files are in metres, memory in
+// millimetres.
 #pragma once
 
 #include <stdbool.h>
@@ -29,6 +30,7 @@ struct gltf_node {
     const float *warp, *maxcut; // 3 * vertex_count, mm; NULL where there is no such target
     const float *other_share;   // vertex_count, not checked; NULL where there is no such attribute
     const float *covered;       // the same
+    const float *wear;          // the same
 };
 
 struct gltf;

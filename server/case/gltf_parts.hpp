@@ -12,9 +12,10 @@ class Model;
 }
 
 constexpr double gltf_mm_per_m = 1000;
-// Attributes: of a group that bridges; of one whose parts hide each other.
+// Attributes: of a group that bridges; of one whose parts hide each other; of worn cartilage.
 constexpr const char *gltf_other_share = "_OTHER_SHARE";
 constexpr const char *gltf_covered = "_COVERED";
+constexpr const char *gltf_wear = "_WEAR";
 
 // Thrown inside of this room only: gltf_decode and gltf_encode make a result of it.
 struct gltf_refusal {

@@ -100,6 +100,8 @@ void add_node(tinygltf::Model &model, const gltf_node &from) {
             add_shares(model, from.other_share, from.vertex_count);
     if (from.covered)
         primitive.attributes[gltf_covered] = add_shares(model, from.covered, from.vertex_count);
+    if (from.wear)
+        primitive.attributes[gltf_wear] = add_shares(model, from.wear, from.vertex_count);
     model.meshes.push_back(std::move(mesh));
     tinygltf::Node node;
     node.name = from.name;
@@ -111,10 +113,10 @@ void add_node(tinygltf::Model &model, const gltf_node &from) {
 std::string encode(const gltf_node *nodes, uint32_t count) {
     uint64_t total = 0;
     for (uint32_t i = 0; i < count; i++)
-        total +=
-            12 * ((uint64_t)nodes[i].triangle_count +
-                  nodes[i].vertex_count * (uint64_t)(1 + !!nodes[i].warp + !!nodes[i].maxcut +
-                                                     !!nodes[i].other_share + !!nodes[i].covered));
+        total += 12 * ((uint64_t)nodes[i].triangle_count +
+                       nodes[i].vertex_count * (uint64_t)(1 + !!nodes[i].warp + !!nodes[i].maxcut +
+                                                          !!nodes[i].other_share +
+                                                          !!nodes[i].covered + !!nodes[i].wear));
     if (total > UINT32_MAX - (64u << 20))
         throw gltf_refusal{RESULT_LIMIT, "more than 4 GiB"};
     tinygltf::Model model;

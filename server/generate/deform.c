@@ -16,14 +16,6 @@ static vec3 displaced_vertex(const struct case_group *group, uint32_t vertex) {
     return w ? vec3_add(p, (vec3){(double)w[0], (double)w[1], (double)w[2]}) : p;
 }
 
-static uint32_t nearest_vertex(const struct mesh *mesh, vec3 p) {
-    uint32_t nearest = 0;
-    for (uint32_t v = 1; v < mesh->vertex_count; v++)
-        if (vec3_distance(mesh_vertex(mesh, v), p) < vec3_distance(mesh_vertex(mesh, nearest), p))
-            nearest = v;
-    return nearest;
-}
-
 // Twice its area, outwards.
 static vec3 triangle_normal(const struct mesh *mesh, uint32_t triangle) {
     vec3 a = mesh_corner(mesh, triangle, 0);
@@ -101,7 +93,7 @@ enum result deform_cavity_add(struct case_group *const *groups, int group_count,
     if (result != RESULT_OK)
         return result;
     const struct mesh *mesh = &groups[0]->mesh;
-    uint32_t vertex = nearest_vertex(mesh, cavity->at);
+    uint32_t vertex = mesh_nearest_vertex(mesh, cavity->at);
     double distance = vec3_distance(mesh_vertex(mesh, vertex), cavity->at);
     if (distance > cavity->radius_mm / 2)
         return fail(err, RESULT_INVALID,

@@ -154,7 +154,9 @@ static enum result add_steps(struct knee_case *knee, const struct recipe *recipe
         if (step.kind != kind)
             continue;
         if (kind == PATHOLOGY_CAVITY)
-            step.cavity.dent.at = vec3_scale(recipe->size, step.cavity.dent.at);
+            step.cavity.place.at = vec3_scale(recipe->size, step.cavity.place.at);
+        if (kind == PATHOLOGY_WEAR)
+            step.wear.place.at = vec3_scale(recipe->size, step.wear.place.at);
         if (kind == PATHOLOGY_LOOSE)
             step.loose.at = vec3_scale(recipe->size, step.loose.at);
         for (int k = 0; kind == PATHOLOGY_TISSUE && k < step.tissue.path_count; k++)
@@ -181,6 +183,8 @@ enum result generate_knee(const struct recipe *recipe, struct knee_case **out_ca
         result = add_steps(knee, recipe, PATHOLOGY_LIGAMENT, err);
     if (result == RESULT_OK)
         result = add_steps(knee, recipe, PATHOLOGY_CAVITY, err);
+    if (result == RESULT_OK)
+        result = add_steps(knee, recipe, PATHOLOGY_WEAR, err);
     if (result == RESULT_OK)
         result = add_maxcut(knee, recipe, err);
     if (result == RESULT_OK)

@@ -7,11 +7,12 @@
 #include "generate/pathology.h"
 
 #define RECIPE_CAVITIES_MAX 8
+#define RECIPE_WEAR_MAX 8
 #define RECIPE_MENISCUS_MAX 4 // tears, and plans
 #define RECIPE_TISSUES_MAX 8
 #define RECIPE_STEPS_MAX                                                                           \
-    (CASE_LIGAMENTS_MAX + RECIPE_CAVITIES_MAX + 2 * RECIPE_MENISCUS_MAX + RECIPE_TISSUES_MAX +     \
-     CASE_LOOSE_MAX)
+    (CASE_LIGAMENTS_MAX + RECIPE_CAVITIES_MAX + RECIPE_WEAR_MAX + 2 * RECIPE_MENISCUS_MAX +        \
+     RECIPE_TISSUES_MAX + CASE_LOOSE_MAX)
 
 struct recipe {
     char name[CASE_NAME_MAX]; // the recipe's folder
@@ -23,8 +24,8 @@ struct recipe {
     double meniscus_lateral_cm3;
     double rim_mm; // of the menisci's maxcut; 0: they have none
     int step_count;
-    // Made by their kind: ligaments, cavities, tears, plans, tissues, loose bodies. Places are as
-    // for a knee of size 1; radius, depth, width and thickness are not scaled.
+    // Made by their kind: ligaments, cavities, wear, tears, plans, tissues, loose bodies. Places
+    // are as for a knee of size 1; radius, depth, width and thickness are not scaled.
     struct pathology steps[RECIPE_STEPS_MAX];
 };
 

@@ -9,7 +9,7 @@ static pose joint_of(const struct knee_case *knee, enum body body) {
     return body == BODY_TIBIA ? knee->joint.T_tibia_joint : knee->joint.T_femur_joint;
 }
 
-// ---- cavities -----------------------------------------------------------------------------------
+// ---- bones --------------------------------------------------------------------------------------
 
 static bool has_lesion(const struct case_group *group) {
     const struct case_lesion *lesion = &group->lesion;
@@ -39,21 +39,21 @@ static int groups_of(struct knee_case *knee, enum body body, struct case_group *
 }
 
 // In the frame of the body.
-static enum result place_of(const struct knee_case *knee, const struct pathology_cavity *cavity,
+static enum result place_of(const struct knee_case *knee, const struct pathology_place *place,
                             vec3 *out_at, struct error *err) {
-    const char *name = cavity->landmark;
+    const char *name = place->landmark;
     const struct case_landmark *landmark = case_landmark(knee, name);
-    vec3 at = cavity->dent.at;
+    vec3 at = place->at;
     if (knee->joint.side == SIDE_LEFT)
         at.x = -at.x;
-    *out_at = pose_apply(joint_of(knee, cavity->body), at);
+    *out_at = pose_apply(joint_of(knee, place->body), at);
     if (!name[0])
         return RESULT_OK;
     if (!landmark)
         return fail(err, RESULT_MISSING, "the case has no landmark %s", name);
-    if (landmark->body != cavity->body)
+    if (landmark->body != place->body)
         return fail(err, RESULT_INVALID, "%s is a landmark of the %s, not of the %s", name,
-                    body_name(landmark->body), body_name(cavity->body));
+                    body_name(landmark->body), body_name(place->body));
     *out_at = landmark->at;
     return RESULT_OK;
 }
@@ -61,13 +61,14 @@ static enum result place_of(const struct knee_case *knee, const struct pathology
 static enum result add_cavity(struct knee_case *knee, const struct pathology_cavity *cavity,
                               double rim_mm, struct error *err) {
     struct case_group *groups[CASE_GROUPS_MAX + 1];
-    struct deform_cavity dent = cavity->dent;
-    enum result result = place_of(knee, cavity, &dent.at, err);
+    enum body body = cavity->place.body;
+    struct deform_cavity dent = {.radius_mm = cavity->radius_mm, .depth_mm = cavity->depth_mm};
+    enum result result = place_of(knee, &cavity->place, &dent.at, err);
     if (result != RESULT_OK)
         return result;
-    int count = groups_of(knee, cavity->body, groups);
+    int count = groups_of(knee, body, groups);
     if (!count)
-        return fail(err, RESULT_MISSING, "the case has no group %s", body_name(cavity->body));
+        return fail(err, RESULT_MISSING, "the case has no group %s", body_name(body));
     for (int i = 0; i < count; i++)
         if (has_lesion(groups[i]) && may_move(groups[i], &dent))
             return fail(err, RESULT_INVALID,
@@ -77,8 +78,21 @@ static enum result add_cavity(struct knee_case *knee, const struct pathology_cav
     result = deform_cavity_add(groups, count, &dent, err);
     for (int i = 0; i < count && result == RESULT_OK; i++)
         if (groups[i]->maxcut && may_move(groups[i], &dent))
-            result = maxcut_make(groups[i], joint_of(knee, cavity->body), rim_mm, err);
+            result = maxcut_make(groups[i], joint_of(knee, body), rim_mm, err);
     return result;
+}
+
+static enum result add_wear(struct knee_case *knee, const struct pathology_wear *wear,
+                            struct error *err) {
+    struct case_group *groups[CASE_GROUPS_MAX + 1];
+    struct wear_patch patch = {.radius_mm = wear->radius_mm, .grade = wear->grade};
+    enum result result = place_of(knee, &wear->place, &patch.at, err);
+    if (result != RESULT_OK)
+        return result;
+    int count = groups_of(knee, wear->place.body, groups);
+    if (!count)
+        return fail(err, RESULT_MISSING, "the case has no group %s", body_name(wear->place.body));
+    return wear_add(groups, count, &patch, err);
 }
 
 // ---- menisci ------------------------------------------------------------------------------------
@@ -131,6 +145,8 @@ enum result pathology_apply(struct knee_case *knee, const struct pathology *step
         return keys_add(knee, step->name, &step->ligament, err);
     if (step->kind == PATHOLOGY_CAVITY)
         return add_cavity(knee, &step->cavity, rim_mm, err);
+    if (step->kind == PATHOLOGY_WEAR)
+        return add_wear(knee, &step->wear, err);
     if (step->kind == PATHOLOGY_TISSUE)
         return add_tissue_apply(knee, step->name, &step->tissue, err);
     if (step->kind == PATHOLOGY_LOOSE)

@@ -6,12 +6,14 @@
 #include "generate/add_tissue.h"
 #include "generate/deform.h"
 #include "generate/tear.h"
+#include "generate/wear.h"
 
 #define PATHOLOGY_VALUES_MAX 8
 
 enum pathology_kind {
     PATHOLOGY_LIGAMENT, // a torn one
     PATHOLOGY_CAVITY,
+    PATHOLOGY_WEAR,   // of a bone's cartilage
     PATHOLOGY_TEAR,   // of a meniscus, with the plan that takes it out
     PATHOLOGY_PLAN,   // a planned resection, in place of the one that there is
     PATHOLOGY_TISSUE, // a group that is added, or described
@@ -19,14 +21,26 @@ enum pathology_kind {
     PATHOLOGY_KIND_COUNT
 };
 
-const char *pathology_kind_name(enum pathology_kind kind); // "ligament", "cavity", "tear", ...
+const char *pathology_kind_name(enum pathology_kind kind); // "ligament", "cavity", "wear", ...
+
+// On a bone. Its nearest vertex is the middle of what is made there.
+struct pathology_place {
+    enum body body;
+    vec3 at;                      // from the joint's origin: x lateral, y anterior, z proximal
+    char landmark[CASE_NAME_MAX]; // of the body, in place of `at`; empty: none
+};
 
 // A dent of a bone. All groups of the body follow the same smooth, one-to-one map of space, so
 // facing surfaces (a meniscus and its tibia) stay as clear of one another as they were.
 struct pathology_cavity {
-    enum body body;               // femur or tibia
-    struct deform_cavity dent;    // `at` from the joint's origin: x lateral, y anterior, z proximal
-    char landmark[CASE_NAME_MAX]; // of the body, in place of `at`; empty: none
+    struct pathology_place place; // of femur or tibia
+    double radius_mm, depth_mm;   // as struct deform_cavity
+};
+
+// What an arthroscope sees of arthrosis. It changes no shape: a cavity does.
+struct pathology_wear {
+    struct pathology_place place;
+    double radius_mm, grade; // as struct wear_patch
 };
 
 struct pathology_tear {
@@ -57,6 +71,7 @@ struct pathology {
     char name[CASE_NAME_MAX]; // a ligament's own, or a group's; of others for errors
     union {
         struct pathology_cavity cavity;
+        struct pathology_wear wear;
         struct pathology_tear tear;
         struct pathology_plan plan;
         struct pathology_ligament ligament;
@@ -79,8 +94,8 @@ enum result pathology_check(const struct pathology *step, struct error *err);
 // Makes the step on a case that is valid. rim_mm: what resections leave at the capsule, 0 or as
 // maxcut.h. A meniscus that is torn or planned becomes cuttable and gets a maxcut, where it is not
 // and has none. A cavity makes the maxcut of what it moves anew. Refused, naming group and reason:
-// what is not there; a cavity nowhere near its bone, or below a lesion, which would not follow; a
-// tear or plan that does not fit; a ligament that is torn already. The case may have changed then,
-// and is of no further use.
+// what is not there; a cavity or wear nowhere near its bone; a cavity below a lesion, which would
+// not follow; a tear or plan that does not fit; a ligament that is torn already. The case may have
+// changed then, and is of no further use.
 enum result pathology_apply(struct knee_case *knee, const struct pathology *step, double rim_mm,
                             struct error *err);

@@ -6,18 +6,25 @@
 #include <string.h>
 
 const char *pathology_kind_name(enum pathology_kind kind) {
-    static const char *const names[PATHOLOGY_KIND_COUNT] = {"ligament", "cavity", "tear",
+    static const char *const names[PATHOLOGY_KIND_COUNT] = {"ligament", "cavity", "wear", "tear",
                                                             "plan",     "tissue", "loose"};
     CHECK((unsigned)kind < PATHOLOGY_KIND_COUNT);
     return names[kind];
+}
+
+// NULL: the step is at no place.
+static struct pathology_place *place_of(struct pathology *step) {
+    return step->kind == PATHOLOGY_CAVITY ? &step->cavity.place
+           : step->kind == PATHOLOGY_WEAR ? &step->wear.place
+                                          : NULL;
 }
 
 void pathology_init(struct pathology *step, enum pathology_kind kind, const char *name) {
     *step = (struct pathology){.kind = kind};
     CHECK(strlen(name) < sizeof step->name);
     strcpy(step->name, name);
-    if (kind == PATHOLOGY_CAVITY)
-        step->cavity = (struct pathology_cavity){.body = BODY_COUNT, .dent.at.x = NAN};
+    if (place_of(step))
+        *place_of(step) = (struct pathology_place){.body = BODY_COUNT, .at.x = NAN};
     if (kind == PATHOLOGY_TEAR)
         step->tear.tear.kind = TEAR_KIND_COUNT;
     if (kind == PATHOLOGY_TISSUE)
@@ -38,8 +45,10 @@ struct word {
 #define AT(member) offsetof(struct pathology, member)
 
 static const struct word numbers[] = {
-    {PATHOLOGY_CAVITY, "radius_mm", AT(cavity.dent.radius_mm), 3, 25},
-    {PATHOLOGY_CAVITY, "depth_mm", AT(cavity.dent.depth_mm), 0.1, 6},
+    {PATHOLOGY_CAVITY, "radius_mm", AT(cavity.radius_mm), 3, 25},
+    {PATHOLOGY_CAVITY, "depth_mm", AT(cavity.depth_mm), 0.1, 6},
+    {PATHOLOGY_WEAR, "radius_mm", AT(wear.radius_mm), 3, 25},
+    {PATHOLOGY_WEAR, "grade", AT(wear.grade), 1, CASE_WEAR_MOST},
     {PATHOLOGY_TEAR, "at", AT(tear.tear.at), 0.1, 0.9},
     {PATHOLOGY_TEAR, "depth_mm", AT(tear.tear.depth_mm), 1, 8},
     {PATHOLOGY_TEAR, "length_mm", AT(tear.tear.length_mm), 2, 30},
@@ -103,25 +112,33 @@ static enum result refuse(struct error *err, const char *key, const char *reason
     return fail(err, RESULT_INVALID, "%s: %s", key, reason);
 }
 
-static enum result take_place(struct pathology_cavity *cavity, const char *key, const char *value,
+static enum result take_body(struct pathology *step, const char *value, struct error *err) {
+    enum body *body = &place_of(step)->body;
+    bool has_patella = step->kind == PATHOLOGY_WEAR;
+    if (body_from_name(value, body) && (has_patella || *body != BODY_PATELLA))
+        return RESULT_OK;
+    return refuse(err, "body",
+                  has_patella ? "must be femur, tibia or patella" : "must be femur or tibia");
+}
+
+static enum result take_place(struct pathology *step, const char *key, const char *value,
                               struct error *err) {
+    struct pathology_place *place = place_of(step);
     if (strcmp(key, "body") == 0)
-        return body_from_name(value, &cavity->body) && cavity->body != BODY_PATELLA
-                   ? RESULT_OK
-                   : refuse(err, key, "must be femur or tibia");
+        return take_body(step, value, err);
     if (strcmp(key, "at") != 0)
         return refuse(err, key, "unknown key");
     pose p;
-    cavity->dent.at = (vec3){0};
+    place->at = (vec3){0};
     if (case_name_is_valid(value)) {
-        strcpy(cavity->landmark, value);
+        strcpy(place->landmark, value);
         return RESULT_OK;
     }
     if (!number_pose(value, &p) || p.rotation.w != 1 || !(vec3_length(p.translation) <= 100))
         return refuse(err, key,
                       "must be a landmark, or three numbers, x y z, within 100 mm of the origin");
-    cavity->landmark[0] = '\0';
-    cavity->dent.at = p.translation;
+    place->landmark[0] = '\0';
+    place->at = p.translation;
     return RESULT_OK;
 }
 
@@ -144,8 +161,8 @@ enum result pathology_take(struct pathology *step, const char *key, const char *
         return add_tissue_take(&step->tissue, key, value, err);
     if (step->kind == PATHOLOGY_LOOSE)
         return add_loose_take(&step->loose, key, value, err);
-    if (step->kind == PATHOLOGY_CAVITY)
-        return take_place(&step->cavity, key, value, err);
+    if (place_of(step))
+        return take_place(step, key, value, err);
     if (step->kind == PATHOLOGY_TEAR && strcmp(key, "group") == 0)
         return take_group(step->tear.group, value, err);
     if (step->kind == PATHOLOGY_PLAN && strcmp(key, "group") == 0)
@@ -159,13 +176,22 @@ enum result pathology_take(struct pathology *step, const char *key, const char *
 
 // ---- all of them --------------------------------------------------------------------------------
 
+static bool is_told(const struct pathology_place *place) {
+    return place->body != BODY_COUNT && !isnan(place->at.x);
+}
+
 static enum result check_cavity(const struct pathology_cavity *c, struct error *err) {
-    if (c->body == BODY_COUNT || isnan(c->dent.at.x) || c->dent.radius_mm == 0 ||
-        c->dent.depth_mm == 0)
+    if (!is_told(&c->place) || c->radius_mm == 0 || c->depth_mm == 0)
         return fail(err, RESULT_MISSING, "needs body, at, radius_mm and depth_mm");
-    if (c->dent.depth_mm > c->dent.radius_mm / 2)
+    if (c->depth_mm > c->radius_mm / 2)
         return fail(err, RESULT_INVALID, "depth_mm = %g: must be at most %g, half of radius_mm",
-                    c->dent.depth_mm, c->dent.radius_mm / 2);
+                    c->depth_mm, c->radius_mm / 2);
+    return RESULT_OK;
+}
+
+static enum result check_wear(const struct pathology_wear *w, struct error *err) {
+    if (!is_told(&w->place) || w->radius_mm == 0 || w->grade == 0)
+        return fail(err, RESULT_MISSING, "needs body, at, radius_mm and grade");
     return RESULT_OK;
 }
 
@@ -221,6 +247,8 @@ enum result pathology_check(const struct pathology *step, struct error *err) {
         return check_ligament(step, err);
     case PATHOLOGY_CAVITY:
         return check_cavity(&step->cavity, err);
+    case PATHOLOGY_WEAR:
+        return check_wear(&step->wear, err);
     case PATHOLOGY_TEAR:
         return check_tear(&step->tear, err);
     case PATHOLOGY_TISSUE:

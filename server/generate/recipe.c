@@ -50,13 +50,15 @@ static enum result read_number(struct recipe_reader *r, const char *section, con
 
 static const int steps_max[PATHOLOGY_KIND_COUNT] = {
     [PATHOLOGY_LIGAMENT] = CASE_LIGAMENTS_MAX, [PATHOLOGY_CAVITY] = RECIPE_CAVITIES_MAX,
-    [PATHOLOGY_TEAR] = RECIPE_MENISCUS_MAX,    [PATHOLOGY_PLAN] = RECIPE_MENISCUS_MAX,
-    [PATHOLOGY_TISSUE] = RECIPE_TISSUES_MAX,   [PATHOLOGY_LOOSE] = CASE_LOOSE_MAX,
+    [PATHOLOGY_WEAR] = RECIPE_WEAR_MAX,        [PATHOLOGY_TEAR] = RECIPE_MENISCUS_MAX,
+    [PATHOLOGY_PLAN] = RECIPE_MENISCUS_MAX,    [PATHOLOGY_TISSUE] = RECIPE_TISSUES_MAX,
+    [PATHOLOGY_LOOSE] = CASE_LOOSE_MAX,
 };
 
 static const char *const steps_limits[PATHOLOGY_KIND_COUNT] = {
     [PATHOLOGY_LIGAMENT] = "at most 8 ligaments, with names of letters, digits and \"_-.\"",
     [PATHOLOGY_CAVITY] = "at most 8 cavities, with names of at most 63 characters",
+    [PATHOLOGY_WEAR] = "at most 8 patches of wear, with names of at most 63 characters",
     [PATHOLOGY_TEAR] = "at most 4 tears, with names of at most 63 characters",
     [PATHOLOGY_PLAN] = "at most 4 plans, with names of at most 63 characters",
     [PATHOLOGY_TISSUE] = "at most 8 tissues, with names of letters, digits and \"_-.\"",

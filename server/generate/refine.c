@@ -175,6 +175,7 @@ static void take(struct case_group *group, const struct halves *halves) {
     group->maxcut = with_halves(group, halves, group->maxcut, 3);
     group->other_share = with_halves(group, halves, group->other_share, 1);
     group->covered = with_halves(group, halves, group->covered, 1);
+    group->wear = with_halves(group, halves, group->wear, 1);
     group->mesh.vertex_count += halves->count;
     move_parts(group, halves);
     for (uint32_t v = 0; group->covered && v < group->mesh.vertex_count; v++)

@@ -19,6 +19,6 @@ struct refine_map {
 
 // Halves edges of S + warp until they are as fine as REFINE_MM asks, and at most half of the radius
 // long near the middle. The surface stays the same to the rounding of floats. New vertices have
-// what is in the middle between their ends, of displacements and shares too; a new one is covered
-// where both are.
+// what is in the middle between their ends, of displacements, shares and wear too; a new one is
+// covered where both are.
 void refine_group(struct case_group *group, const struct refine_map *map);

@@ -78,6 +78,14 @@ void mesh_drop_unused(struct mesh *mesh) {
     free(place);
 }
 
+uint32_t mesh_nearest_vertex(const struct mesh *mesh, vec3 p) {
+    uint32_t nearest = 0;
+    for (uint32_t v = 1; v < mesh->vertex_count; v++)
+        if (vec3_distance(mesh_vertex(mesh, v), p) < vec3_distance(mesh_vertex(mesh, nearest), p))
+            nearest = v;
+    return nearest;
+}
+
 struct box mesh_bounds(const struct mesh *mesh) {
     CHECK(mesh->vertex_count > 0);
     struct box box = {mesh_vertex(mesh, 0), mesh_vertex(mesh, 0)};

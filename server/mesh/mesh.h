@@ -42,6 +42,8 @@ static inline vec3 mesh_corner(const struct mesh *mesh, uint32_t triangle, int c
     return mesh_vertex(mesh, mesh->triangles[3 * (size_t)triangle + (size_t)corner]);
 }
 
+uint32_t mesh_nearest_vertex(const struct mesh *mesh, vec3 p); // the mesh must have one
+
 struct box {
     vec3 min, max;
 };

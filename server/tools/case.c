@@ -27,6 +27,7 @@ static const struct {
     {"ligament", command_ligament, "tears a ligament: the joint goes further"},
     {"deform", command_deform, "hollows out groups of your choice"},
     {"tissue", command_tissue, "describes a group, or adds one"},
+    {"wear", command_wear, "wears a bone's cartilage"},
     {"loose", command_loose, "adds loose bodies"},
     {"maxcut", command_maxcut, "makes the shape that the greatest resection leaves of a meniscus"},
     {"landmarks", command_landmarks, "proposes joint, portals and places of the anatomy"},

@@ -18,6 +18,7 @@ int command_info(int argc, char **argv);
 int command_landmarks(int argc, char **argv);
 int command_ligament(int argc, char **argv);
 int command_loose(int argc, char **argv);
+int command_wear(int argc, char **argv);
 int command_tissue(int argc, char **argv);
 int command_maxcut(int argc, char **argv);
 int command_motion(int argc, char **argv);

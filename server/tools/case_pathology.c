@@ -65,6 +65,23 @@ static const char cavity_help[] =
     "Make cavities before tears and plans: the command refuses to move a torn meniscus.\n"
     "`arthron-case deform` hollows out groups of your choice.\n";
 
+static const char wear_help[] =
+    "Usage: arthron-case wear DIR --body BODY --at PLACE --radius-mm MM --grade GRADE\n"
+    "                         [OPTION...] --out DIR\n"
+    "\n"
+    "Wears a bone's cartilage, as the arthroscope sees it. No shape changes: `arthron-case "
+    "cavity`\n"
+    "hollows out. The words are those of a recipe's [wear NAME].\n"
+    "\n"
+    "  --body BODY      tibia, femur or patella\n"
+    "  --at PLACE       a landmark of the case (plateau_medial), or X,Y,Z: mm from the joint's\n"
+    "                   origin, x lateral (on both sides), y anterior, z proximal. The middle is\n"
+    "                   the nearest vertex of the bone\n"
+    "  --radius-mm MM   cartilage beyond it stays whole, 3 to 25\n"
+    "  --grade GRADE    in the middle, of the International Cartilage Repair Society: 1 soft or\n"
+    "                   with cracks, 2 fissured to less than half of its depth, 3 deeper, 4 down\n"
+    "                   to the bone. Values between are possible\n" COMMON_HELP;
+
 static const char ligament_help[] =
     "Usage: arthron-case ligament DIR --ligament NAME --flexion-deg LIST --MOTION LIST...\n"
     "                             --extra-MOTION LIST... [OPTION...] --out DIR\n"
@@ -161,6 +178,7 @@ static const struct pathology_command {
                            WORD("radius-mm"),
                            WORD("depth-mm"),
                            {"rim-mm", required_argument, NULL, 'r'}}},
+    [PATHOLOGY_WEAR] = {wear_help, {WORD("body"), WORD("at"), WORD("radius-mm"), WORD("grade")}},
     [PATHOLOGY_LIGAMENT] = {ligament_help,
                             {{"ligament", required_argument, NULL, 'l'},
                              WORD("flexion-deg"),
@@ -306,6 +324,10 @@ static int command(enum pathology_kind kind, int argc, char **argv) {
 
 int command_cavity(int argc, char **argv) {
     return command(PATHOLOGY_CAVITY, argc, argv);
+}
+
+int command_wear(int argc, char **argv) {
+    return command(PATHOLOGY_WEAR, argc, argv);
 }
 
 int command_ligament(int argc, char **argv) {

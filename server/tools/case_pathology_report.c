@@ -65,6 +65,22 @@ static enum result report_cavity(const struct knee_case *knee, enum body body) {
     return RESULT_OK;
 }
 
+static enum result report_wear(const struct knee_case *knee, enum body body) {
+    for (int i = 0; i < knee->group_count; i++) {
+        const struct case_group *group = &knee->groups[i];
+        uint32_t worn = 0;
+        float most = 0;
+        for (uint32_t v = 0; group->wear && v < group->mesh.vertex_count; v++) {
+            worn += group->wear[v] > 0;
+            most = fmaxf(most, group->wear[v]);
+        }
+        if (group->body == body && worn)
+            printf("%s: worn to grade %.1f, %u of %u vertices\n", group->name, (double)most, worn,
+                   group->mesh.vertex_count);
+    }
+    return RESULT_OK;
+}
+
 static enum result report_ligament(const struct knee_case *knee, const char *name,
                                    struct error *err) {
     struct adaptive *adaptive;
@@ -109,7 +125,9 @@ enum result pathology_report(const struct knee_case *knee, const struct patholog
     if (step->kind == PATHOLOGY_LOOSE)
         return report_loose(knee);
     if (step->kind == PATHOLOGY_CAVITY)
-        return report_cavity(knee, step->cavity.body);
+        return report_cavity(knee, step->cavity.place.body);
+    if (step->kind == PATHOLOGY_WEAR)
+        return report_wear(knee, step->wear.place.body);
     for (int i = 0; i < knee->group_count; i++)
         if (strcmp(knee->groups[i].name, meniscus) == 0)
             return report_meniscus(&knee->groups[i], err);

@@ -350,7 +350,9 @@ static struct knee_case *poor_knee(vec3 way) {
     struct pathology steps[] = {
         {.kind = PATHOLOGY_CAVITY,
          .name = "plateau",
-         .cavity = {.body = BODY_TIBIA, .dent = {{-20, 5, -22}, 9, 3}}},
+         .cavity = {.place = {.body = BODY_TIBIA, .at = {-20, 5, -22}},
+                    .radius_mm = 9,
+                    .depth_mm = 3}},
         {.kind = PATHOLOGY_LIGAMENT,
          .name = "mcl",
          .ligament = {{2, {30, 60}}, .valgus_deg = {1, {5}}, .extra_valgus_deg = {1, {6}}}},

@@ -356,7 +356,7 @@ static void the_same_recipe_gives_the_same_bytes(void **state) {
 // ---- cavities -----------------------------------------------------------------------------------
 
 static const struct pathology plateau_cavity = {PATHOLOGY_CAVITY, "plateau",
-                                                .cavity = {BODY_TIBIA, {{-19, 6, -22}, 9, 3}}};
+                                                .cavity = {{BODY_TIBIA, {-19, 6, -22}, ""}, 9, 3}};
 
 static void displace(const struct case_group *group, struct mesh *out_mesh) {
     mesh_copy(out_mesh, &group->mesh);
@@ -394,7 +394,7 @@ static void a_meniscus_above_a_cavity_sinks_with_its_tibia(void **state) {
     (void)state;
     struct recipe recipe = standard;
     recipe.steps[recipe.step_count++] = plateau_cavity;
-    recipe.steps[0].cavity.dent.at = (vec3){-24, 14, -22};
+    recipe.steps[0].cavity.place.at = (vec3){-24, 14, -22};
     struct knee_case *knee = generate(&recipe);
     struct mesh tibia, meniscus;
     displace(case_group(knee, "tibia"), &tibia);
@@ -414,7 +414,7 @@ static void a_cavity_far_from_its_bone_is_refused(void **state) {
     struct recipe recipe = standard;
     recipe.resolution_mm = 3;
     recipe.steps[recipe.step_count++] = plateau_cavity;
-    recipe.steps[0].cavity.dent.at = (vec3){-19, 6, 40};
+    recipe.steps[0].cavity.place.at = (vec3){-19, 6, 40};
     struct knee_case *knee;
     struct error err;
     assert_int_equal(generate_knee(&recipe, &knee, &err), RESULT_INVALID);

@@ -49,8 +49,8 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     const struct pathology *steps = recipe.steps;
     assert_string_equal(steps[0].name, "a");
     assert_int_equal(steps[0].kind, PATHOLOGY_CAVITY);
-    assert_vec3_near(steps[0].cavity.dent.at, ((vec3){1, -2, 3.5}), 0);
-    assert_int_equal(steps[1].cavity.body, BODY_FEMUR);
+    assert_vec3_near(steps[0].cavity.place.at, ((vec3){1, -2, 3.5}), 0);
+    assert_int_equal(steps[1].cavity.place.body, BODY_FEMUR);
     assert_string_equal(steps[2].name, "c");
     assert_int_equal(steps[2].kind, PATHOLOGY_TEAR);
     assert_string_equal(steps[2].tear.group, "meniscus_lateral");

@@ -167,7 +167,7 @@ static void a_glb_that_lies_is_refused_with_node_and_accessor(void **state) {
         {PRIMITIVE "/targets/0/POSITION", "1", "morph target warp (accessor 1): not vectors"},
         {PRIMITIVE "/targets/0", "{}", "morph target warp: no POSITION"},
         {PRIMITIVE "/targets/0", "{\"NORMAL\":0}", "morph target warp: no POSITION"},
-        {SHARES "/count", "7", "nodes[5] lcl: _OTHER_SHARE (accessor 15): 7 shares for 8 vert"},
+        {SHARES "/count", "7", "nodes[5] lcl: _OTHER_SHARE (accessor 15): 7 numbers for 8 vert"},
         {SHARES "/count", "9", "_OTHER_SHARE (accessor 15): 9 elements do not fit"},
         {SHARES "/type", "\"VEC3\"", "_OTHER_SHARE (accessor 15): not single floats"},
         {SHARES "/componentType", "5125", "_OTHER_SHARE (accessor 15): not single floats"},

@@ -3,6 +3,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { CaseGroup_Kind } from "wire";
 import { told } from "./told";
+import { paintTissue } from "../src/scene/paint";
 import { addNormals, outsidePlan, readKnee, type Plane } from "../src/scene/anatomy";
 
 interface Node {
@@ -11,6 +12,7 @@ interface Node {
   triangles: number[];
   warp?: number[];
   share?: number[];
+  wear?: number[];
 }
 
 // A binary glTF as server/case/gltf_write.cpp makes them.
@@ -24,11 +26,13 @@ function glb(nodes: Node[]): ArrayBuffer {
     return accessors.push({ bufferView: views.length - 1, componentType, type, count }) - 1;
   };
   const floats = (values: number[], type: string, size: number): number => add(Buffer.from(Float32Array.from(values).buffer), 5126, type, values.length / size);
-  const meshes = nodes.map(({ name, positions, triangles, warp, share }) => ({
+  const meshes = nodes.map(({ name, positions, triangles, warp, share, wear }) => ({
     name,
     primitives: [{
       mode: 4,
-      attributes: { POSITION: floats(positions, "VEC3", 3), ...(share ? { _OTHER_SHARE: floats(share, "SCALAR", 1) } : {}) },
+      attributes: {
+        POSITION: floats(positions, "VEC3", 3), ...(share ? { _OTHER_SHARE: floats(share, "SCALAR", 1) } : {}), ...(wear ? { _WEAR: floats(wear, "SCALAR", 1) } : {}),
+      },
       indices: add(Buffer.from(Uint32Array.from(triangles).buffer), 5125, "SCALAR", triangles.length),
       ...(warp ? { targets: [{ POSITION: floats(warp.map(() => 9), "VEC3", 3) }, { POSITION: floats(warp, "VEC3", 3) }] } : {}),
     }],
@@ -66,7 +70,7 @@ test("a group is its parts one behind the other, S and S' in millimetres", async
   }, glb([
     { name: "tibia/bone_tibia", positions: corner, triangles: [0, 1, 2] },
     { name: "acl", positions: corner, triangles: [0, 1, 2], share: [0, 0.5, 1] },
-    { name: "tibia/cartilage_tibia", positions: [0, 0, 0.03, 0, 0, 0.03, 0, 0, 0.04], triangles: [2, 1, 0], warp: [0, 0, -0.003, 0, 0, 0, 0, 0, 0] },
+    { name: "tibia/cartilage_tibia", positions: [0, 0, 0.03, 0, 0, 0.03, 0, 0, 0.04], triangles: [2, 1, 0], warp: [0, 0, -0.003, 0, 0, 0, 0, 0, 0], wear: [4, 2.5, 0] },
   ]), [told("tibia", CaseGroup_Kind.BONE)]);
   const [tibia, acl] = knee.groups;
   assert.equal(knee.left, true);
@@ -77,8 +81,25 @@ test("a group is its parts one behind the other, S and S' in millimetres", async
   assert.deepEqual(z(tibia!.virtual.positions), [0, 0, 0, 27, 30, 40]);
   assert.deepEqual([...tibia!.cartilage], [0, 0, 0, 1, 1, 1]);
   assert.deepEqual([...acl!.otherShare!], [0, 0.5, 1]);
+  assert.deepEqual([...tibia!.wear!], [0, 0, 0, 4, 2.5, 0]);
+  assert.equal(acl!.wear, undefined);
   assert.equal(acl!.virtual, acl!.physical);
   assert.deepEqual([...acl!.physical.normals.slice(0, 3)], [0, 0, 1]);
+});
+
+test("only in the scope worn cartilage differs from whole one", async () => {
+  const { groups: [tibia] } = await readKnee({ name: "x", side: "right", groups: [{ name: "tibia", body: "tibia", cuttable: false }] }, glb([
+    { name: "tibia", positions: corner, triangles: [0, 1, 2], wear: [4, 2, 0] },
+  ]), [told("tibia", CaseGroup_Kind.BONE)]);
+  const worn = (inside: boolean): number[] => {
+    const colours = new Uint8Array(12);
+    paintTissue({
+      group: tibia!, inside, count: 3, positions: tibia!.virtual.positions, colours, cut: () => false, rim: undefined, measured: new Float32Array(3), mismatch: undefined,
+    });
+    return [3, 7, 11].map((at) => colours[at]!);
+  };
+  assert.deepEqual(worn(true), [0, 128, 255]);
+  assert.deepEqual(worn(false), [255, 255, 255]);
 });
 
 test("a case without the mesh of a group is refused", async () => {

@@ -16,7 +16,7 @@ function group(name: string, body: number, z: number, kind = CaseGroup_Kind.BONE
   addNormals(positions, triangles, 3, normals);
   const surface = { positions, normals };
   return {
-    name, about: told(name, kind), bone: ["femur", "tibia", "patella"][body] === name, body, other: -1, cuttable: false, triangles, physical: surface, virtual: surface, otherShare: undefined,
+    name, about: told(name, kind), bone: ["femur", "tibia", "patella"][body] === name, body, other: -1, cuttable: false, triangles, physical: surface, virtual: surface, otherShare: undefined, wear: undefined,
     cartilage: new Uint8Array(3), plan: [],
   };
 }

@@ -20,7 +20,7 @@ function knee(): Knee {
   return {
     name: "x", title: "x", left: false, portals: [],
     groups: [{
-      name: "meniscus_medial", about: told("meniscus_medial", CaseGroup_Kind.MENISCUS), bone: false, body: TIBIA, other: -1, cuttable: true, triangles, physical: surface, virtual: surface, otherShare: undefined,
+      name: "meniscus_medial", about: told("meniscus_medial", CaseGroup_Kind.MENISCUS), bone: false, body: TIBIA, other: -1, cuttable: true, triangles, physical: surface, virtual: surface, otherShare: undefined, wear: undefined,
       cartilage: new Uint8Array(4), plan: [],
     }],
   };

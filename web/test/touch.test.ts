@@ -105,7 +105,7 @@ function meniscus(): Group {
   const whole = { positions, normals };
   return {
     name: "meniscus", about: told("meniscus", CaseGroup_Kind.MENISCUS), bone: false, body: 1, other: -1, cuttable: true, triangles, physical: whole, virtual: whole,
-    otherShare: undefined, cartilage: new Uint8Array(positions.length / 3), plan: [],
+    otherShare: undefined, wear: undefined, cartilage: new Uint8Array(positions.length / 3), plan: [],
   };
 }
 

@@ -25,6 +25,7 @@ export interface Group {
   virtual: Surface; // the same object where nothing is displaced
   otherShare: Float32Array | undefined; // of each vertex, 0 at its body to 1 at the other one
   cartilage: Uint8Array; // of each vertex of a bone: 1 where the part's name says so
+  wear: Float32Array | undefined; // of each vertex the ICRS grade of its cartilage, 0 to 4; undefined: all is whole
   plan: Plane[][]; // the planned resection: a union of convex parts in the frame of S'
 }
 
@@ -91,6 +92,7 @@ function readGroup(group: Manifest["groups"][number], parts: GltfPart[], about: 
   const virtual = new Float32Array(3 * count);
   const share = new Float32Array(count);
   const cartilage = new Uint8Array(count);
+  const wear = parts.some((part) => part.wear) ? new Float32Array(count) : undefined;
   const triangles = new Uint32Array(parts.reduce((sum, part) => sum + part.triangles.length, 0));
   let first = 0;
   let corner = 0;
@@ -98,6 +100,7 @@ function readGroup(group: Manifest["groups"][number], parts: GltfPart[], about: 
     physical.set(part.physical, 3 * first);
     virtual.set(part.virtual, 3 * first);
     share.set(part.otherShare, first);
+    if (part.wear) wear!.set(part.wear, first);
     if (about.kind === CaseGroup_Kind.BONE && part.name.includes("cartilage")) cartilage.fill(1, first, first + part.otherShare.length);
     for (const vertex of part.triangles) triangles[corner++] = vertex + first;
     first += part.otherShare.length;
@@ -115,6 +118,7 @@ function readGroup(group: Manifest["groups"][number], parts: GltfPart[], about: 
     virtual: physical.every((value, i) => value === virtual[i]) ? surface : withNormals(virtual, triangles),
     otherShare: group.bridges ? share : undefined,
     cartilage,
+    wear,
     plan: group.lesion?.plan ?? [],
   };
 }

@@ -9,6 +9,7 @@ export interface GltfPart {
   physical: Float32Array; // mm, as the mock-up has it
   virtual: Float32Array; // as the patient has it
   otherShare: Float32Array; // of each vertex, 0 at its body to 1 at the one that it bridges to
+  wear: Float32Array | undefined; // of each vertex the ICRS grade of its cartilage, 0 to 4; undefined: all is whole
   triangles: Uint32Array;
 }
 
@@ -47,6 +48,7 @@ export function readParts(glb: ArrayBuffer): GltfPart[] {
       group: name.split("/")[0]!, name, physical,
       virtual: offsets ? physical.map((mm, i) => mm + MM_PER_M * offsets[i]!) : physical,
       otherShare: attributes._OTHER_SHARE === undefined ? new Float32Array(physical.length / 3) : Float32Array.from(read(attributes._OTHER_SHARE)),
+      wear: attributes._WEAR === undefined ? undefined : Float32Array.from(read(attributes._WEAR)),
       triangles: Uint32Array.from(read(indices)),
     };
   })));

@@ -69,11 +69,11 @@ interface Grain {
   soft: number;
   film: number;
   give: number;
-  more?: "lining" | "fray";
+  more?: "lining" | "fray" | "wear";
 }
 
 const GRAINS: Record<Kind, Grain> = {
-  bone: { scale: [0.5, 0.5, 0.5], rough: 0.05, soft: 0.5, film: 0.34, give: 0.08 },
+  bone: { scale: [0.5, 0.5, 0.5], rough: 0.05, soft: 0.5, film: 0.34, give: 0.08, more: "wear" },
   meniscus: { scale: [0.7, 0.7, 2.6], rough: 0.07, soft: 0.4, film: 0.22, give: 0.35, more: "fray" }, // its fibres run round
   ligament: { scale: [2.2, 1.6, 0.3], rough: 0.12, soft: 0.35, film: 0.3, give: 0.3 }, // and those of a cruciate ligament upwards
   lining: { scale: [0.36, 0.33, 0.3], rough: 0.2, soft: 0.6, film: 0.2, give: 0, more: "lining" },
@@ -183,6 +183,9 @@ function moisten(shader: Shader, { scale, rough, soft, film, more }: Grain): voi
       normal = normalize(abs(area) * normal + ${rough} * slope);`);
 }
 
+// Worn cartilage gets cracks (where noise crosses its mean), which widen with the grade, then fibres; where it is gone,
+// bone lies bare, and bleeds in points. The colours' fourth component says the grade.
+//
 // Vessels are where noise crosses its mean: thick ones, and thin ones that leave them. In front and below lies the fat
 // pad, in lobules. The capsule has folds.
 const MORE = {
@@ -195,6 +198,24 @@ const MORE = {
       diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.95, 0.72, 0.36), 0.75 * fat * smoothstep(0.0, 0.14, lobule));
       diffuseColor.rgb *= mix(vec3(1.0), vec3(0.72, 0.3, 0.3), (1.0 - 0.6 * fat) * red) * mix(0.8, 1.08, fold);
       grain += mix(9.0 * fold, 12.0 * sqrt(lobule), fat);`,
+  wear: `
+      #ifdef USE_COLOR_ALPHA
+      float grade = 4.0 * (1.0 - vColor.a);
+      if (grade > 0.0) {
+        vec3 worn = ASKEW * vPlace;
+        float patchy = noise3(0.7 * worn) - 0.5, fibres = noise3(worn * vec3(4.5, 1.5, 4.5));
+        float bare = smoothstep(3.2, 3.6, grade + 1.2 * patchy);
+        float deep = saturate(0.3 * grade) * (1.0 - bare), width = 0.012 * grade;
+        float crack = max(1.0 - smoothstep(0.2 * width, width, abs(noise3(0.9 * worn + 3.0) - 0.5)), 0.6 - 0.6 * smoothstep(0.2 * width, width, abs(noise3(2.3 * worn) - 0.5)));
+        float fray = smoothstep(1.2, 2.4, grade + patchy) * (1.0 - bare);
+        float blood = smoothstep(0.72, 0.82, noise3(2.6 * worn + 7.0));
+        diffuseColor.rgb = mix(diffuseColor.rgb, diffuseColor.rgb * vec3(0.98, 0.9, 0.74), saturate(0.4 * grade));
+        diffuseColor.rgb *= mix(vec3(1.0), vec3(0.5, 0.38, 0.3), deep * crack) * mix(1.0, 0.8 + 0.3 * fibres, fray);
+        diffuseColor.rgb = mix(diffuseColor.rgb, mix(vec3(0.78, 0.56, 0.4), vec3(0.6, 0.16, 0.13), blood), bare);
+        gloss -= 0.7 * fray + 0.5 * bare;
+        grain += 2.5 * fray * fibres - 4.0 * deep * crack;
+      }
+      #endif`,
   fray: `
       float raw = 1.0 - vColor.a, fray = 0.0;
       if (raw > 0.0) fray = noise3(ASKEW * vPlace * vec3(6.0, 6.0, 2.0));

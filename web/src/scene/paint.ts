@@ -64,6 +64,7 @@ export interface Canvas {
 }
 
 const RAYS = 72;
+const WEAR_MOST = 4; // the ICRS grade of bare bone
 const OUTER = { from: 0.55, to: 0.9 }; // between inner margin and rim: where a meniscus gets red, and is red
 
 /** A meniscus seen from above, a C: its inner margin and its rim in each direction from the middle of its box. */
@@ -107,16 +108,17 @@ export class Rim {
 
 const scratch: Colour = [0, 0, 0];
 
-// `raw`: the scope is to see a cut there.
-function put(colours: Uint8Array, vertex: number, colour: Colour, raw = false): void {
+// `raw`, 0 to 1: how much the scope is to see of a cut, or of wear, there.
+function put(colours: Uint8Array, vertex: number, colour: Colour, raw = 0): void {
   for (let k = 0; k < 3; k++) colours[4 * vertex + k] = LINEAR[Math.round(colour[k]!)]!;
-  colours[4 * vertex + 3] = raw ? 0 : 255;
+  colours[4 * vertex + 3] = Math.round(255 * (1 - raw));
 }
 
-export function paintTissue({ group: { about, cartilage }, inside, count, positions, colours, cut, rim }: Canvas): void {
+export function paintTissue({ group: { about, cartilage, wear }, inside, count, positions, colours, cut, rim }: Canvas): void {
   for (let i = 0; i < count; i++) {
     const outer = inside && rim ? rim.outer(positions[3 * i]!, positions[3 * i + 1]!) : 0;
-    put(colours, i, tissueOf(about, inside, cut(i), cartilage[i] === 1, outer), inside && cut(i));
+    const raw = cut(i) ? 1 : wear ? wear[i]! / WEAR_MOST : 0;
+    put(colours, i, tissueOf(about, inside, cut(i), cartilage[i] === 1, outer), inside ? raw : 0);
   }
 }
 

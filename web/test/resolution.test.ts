@@ -1,4 +1,5 @@
-// When pictures are coarse, and when they are fine.
+// When pictures are coarse, and when they are fine: of a screen that shows a picture each sixtieth of a second, and
+// waits for one that is late.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { setTimeout as sleep } from "node:timers/promises";
@@ -39,5 +40,40 @@ test("where pictures are quick there is nothing to make finer", async () => {
   const resolution = new AdaptiveResolution(2, false);
   resolution.rest(() => assert.fail("drawn again"));
   await sleep(LONG_MS);
+  assert.equal(resolution.value, 2);
+});
+
+const SCREEN_MS = 1000 / 60;
+
+// `costMs`: of a picture of one pixel for each of the page's, and of each pixel more.
+function play(resolution: AdaptiveResolution, costMs: number, pictures: number): { late: number; mean: number } {
+  let [late, sum] = [0, 0];
+  for (let i = 0; i < pictures; i++) {
+    const frames = Math.ceil((costMs * resolution.value ** 2) / SCREEN_MS - 1e-9);
+    resolution.took(frames * SCREEN_MS);
+    late += frames > 1 ? 1 : 0;
+    sum += resolution.value;
+  }
+  return { late: late / pictures, mean: sum / pictures };
+}
+
+test("sixty pictures a second are held, as fine as they can be", () => {
+  for (const costMs of [4, 6, 8, 10]) {
+    const resolution = new AdaptiveResolution(2, false);
+    const first = play(resolution, costMs, 600);
+    assert.ok(first.late < 0.15, `at ${costMs} ms: ${first.late}`);
+    const { late, mean } = play(resolution, costMs, 6000);
+    const most = Math.min(2, Math.sqrt(SCREEN_MS / costMs));
+    assert.ok(late < 0.02, `at ${costMs} ms: ${late}`);
+    assert.ok(mean > Math.max(0.79 * most, 1.2), `at ${costMs} ms: ${mean} of ${most}`);
+  }
+});
+
+test("what is slow for a moment is fine again a moment later", () => {
+  const resolution = new AdaptiveResolution(2, false);
+  play(resolution, 4, 60);
+  play(resolution, 9, 60);
+  assert.ok(resolution.value < 2);
+  play(resolution, 4, 300);
   assert.equal(resolution.value, 2);
 });

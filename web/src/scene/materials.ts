@@ -202,18 +202,18 @@ const MORE = {
       #ifdef USE_COLOR_ALPHA
       float grade = 4.0 * (1.0 - vColor.a);
       if (grade > 0.0) {
-        vec3 worn = ASKEW * vPlace;
-        float patchy = noise3(0.7 * worn) - 0.5, fibres = noise3(worn * vec3(4.5, 1.5, 4.5));
-        float bare = smoothstep(3.2, 3.6, grade + 1.2 * patchy);
-        float deep = saturate(0.3 * grade) * (1.0 - bare), width = 0.012 * grade;
-        float crack = max(1.0 - smoothstep(0.2 * width, width, abs(noise3(0.9 * worn + 3.0) - 0.5)), 0.6 - 0.6 * smoothstep(0.2 * width, width, abs(noise3(2.3 * worn) - 0.5)));
-        float fray = smoothstep(1.2, 2.4, grade + patchy) * (1.0 - bare);
-        float blood = smoothstep(0.72, 0.82, noise3(2.6 * worn + 7.0));
-        diffuseColor.rgb = mix(diffuseColor.rgb, diffuseColor.rgb * vec3(0.98, 0.9, 0.74), saturate(0.4 * grade));
-        diffuseColor.rgb *= mix(vec3(1.0), vec3(0.5, 0.38, 0.3), deep * crack) * mix(1.0, 0.8 + 0.3 * fibres, fray);
-        diffuseColor.rgb = mix(diffuseColor.rgb, mix(vec3(0.78, 0.56, 0.4), vec3(0.6, 0.16, 0.13), blood), bare);
-        gloss -= 0.7 * fray + 0.5 * bare;
-        grain += 2.5 * fray * fibres - 4.0 * deep * crack;
+        vec3 worn = ASKEW * vPlace + 0.4 * grain, finer = ASKEW * (2.3 * worn);
+        float patchy = noise3(0.6 * worn) - 0.5, fibres = noise3(finer * vec3(2.5, 0.8, 2.5));
+        float bare = smoothstep(3.1, 3.5, grade + 1.6 * patchy), whole = 1.0 - bare;
+        float width = 0.02 * grade, deep = whole * saturate(0.35 * grade);
+        float crack = deep * max(1.0 - smoothstep(0.3 * width, width, abs(noise3(0.45 * worn + 3.0) - 0.5)), 0.7 - 0.7 * smoothstep(0.3 * width, width, abs(noise3(0.5 * finer) - 0.5)));
+        float fray = whole * smoothstep(1.2, 2.6, grade + patchy);
+        float blood = smoothstep(0.74, 0.8, noise3(1.3 * finer + 7.0));
+        diffuseColor.rgb *= mix(vec3(1.0), vec3(0.97, 0.88, 0.72), saturate(0.4 * grade));
+        diffuseColor.rgb *= mix(vec3(1.0), vec3(0.62, 0.48, 0.38), crack) * mix(1.0, 0.85 + 0.25 * fibres, fray);
+        diffuseColor.rgb = mix(diffuseColor.rgb, mix(vec3(0.8, 0.6, 0.44), vec3(0.62, 0.2, 0.16), blood), bare);
+        gloss -= 0.6 * fray + 0.4 * bare;
+        grain += 1.5 * fray * fibres - 1.5 * crack + 1.5 * bare * patchy;
       }
       #endif`,
   fray: `

@@ -1,14 +1,15 @@
-// A canvas with the joint. It is drawn when something has changed, and coarser where that takes long: a
-// machine without a graphics processor then still follows the hands. Once nothing changes any more it is
-// drawn finely.
+// A canvas with the joint. It is drawn when something has changed, and coarser where that takes longer than a
+// sixtieth of a second: the picture follows the hands. Once nothing changes any more it is drawn finely.
 import { AmbientLight, DirectionalLight, PerspectiveCamera, Raycaster, Scene, SRGBColorSpace, Vector2, WebGLRenderer } from "three";
 import { drawnBySoftware } from "../graphics";
 import { h } from "../ui";
 import type { Joint, Marker } from "./joint";
 import { Orbit } from "./orbit";
 
-const SLOW_MS = 60;
-const FAST_MS = 20;
+const HELD_MS = 1000 / 60;
+const SLOW_MS = 1.14 * HELD_MS; // a mean, where one in seven is late
+const FAST_MS = 1.05 * HELD_MS;
+const PATIENCE = { least: 30, most: 3600 }; // pictures
 const COARSEST = 0.6;
 const STILL_MS = 300;
 
@@ -25,9 +26,15 @@ export function newRenderer(canvas: HTMLCanvasElement): WebGLRenderer {
   }
 }
 
-/** How fine a picture is drawn: pixels of it for each of the page's. */
+/**
+ * How fine a picture is drawn: pixels of it for each of the page's. A screen shows no picture earlier than its time, so
+ * nobody knows whether a finer one would be in time. It is tried, and after each vain try twice as late.
+ */
 export class AdaptiveResolution {
   private moving: number;
+  private patience = PATIENCE.least;
+  private since = 0; // pictures, since the last change
+  private grown = false; // by it
   private still = false;
   private timer: ReturnType<typeof setTimeout> | undefined;
   private spent = FAST_MS;
@@ -43,11 +50,19 @@ export class AdaptiveResolution {
   /** After a picture that took so long, of those that follow each other. */
   took(ms: number): void {
     this.spent += 0.1 * (Math.min(ms, 200) - this.spent);
-    const wanted = this.spent > SLOW_MS ? this.moving * 0.8 : this.spent < FAST_MS ? this.moving * 1.25 : this.moving;
+    this.since++;
+    if (this.spent > SLOW_MS) this.change(this.moving * 0.8);
+    else if (this.spent < FAST_MS && this.since > this.patience) this.change(this.moving * 1.25);
+  }
+
+  private change(wanted: number): void {
     const next = Math.min(this.finest, Math.max(COARSEST * this.finest, wanted));
     if (next === this.moving) return;
+    if (next < this.moving && this.grown) this.patience = Math.min(2 * this.patience, PATIENCE.most);
+    this.grown = next > this.moving;
     this.moving = next;
-    this.spent = (SLOW_MS + FAST_MS) / 2;
+    this.spent = HELD_MS;
+    this.since = 0;
   }
 
   /** Something has changed. */

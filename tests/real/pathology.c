@@ -251,6 +251,46 @@ static void a_torn_meniscus_is_not_moved_by_a_cavity(void **state) {
                    at.x, at.y, at.z);
 }
 
+// ---- wear ---------------------------------------------------------------------------------------
+
+// The least grade of the vertices within reach of a place.
+static double least_grade_near(const struct case_group *group, vec3 at, double reach_mm) {
+    double least = CASE_WEAR_MOST;
+    for (uint32_t v = 0; v < group->mesh.vertex_count; v++)
+        if (vec3_distance(mesh_vertex(&group->mesh, v), at) < reach_mm)
+            least = fmin(least, (double)group->wear[v]);
+    return least;
+}
+
+// Of bone and cartilage alike, and a cavity made after it leaves it.
+static void cartilage_is_worn_where_the_command_says(void **state) {
+    (void)state;
+    struct knee_case *knee = load("knee");
+    vec3 at = medial_plateau(knee);
+    assert_run("wear knee --body tibia --at %.3f,%.3f,%.3f --radius-mm 12 --grade 3 --out worn",
+               at.x, at.y, at.z);
+    assert_run(
+        "cavity worn --body tibia --at %.3f,%.3f,%.3f --radius-mm 10 --depth-mm 3 --out worn", at.x,
+        at.y, at.z);
+    struct knee_case *worn = load("worn");
+    struct case_group *tibia = case_group(worn, "tibia");
+    double most = 0;
+    at.x *= knee->joint.side == SIDE_LEFT ? -1 : 1;
+    at = pose_apply(knee->joint.T_tibia_joint, at);
+    assert_non_null(tibia->wear);
+    assert_near(least_grade_near(tibia, at, 3), 3, 1e-6);
+    for (uint32_t v = 0; v < tibia->mesh.vertex_count; v++) {
+        bool far = vec3_distance(mesh_vertex(&tibia->mesh, v), at) > 1.5 * 12;
+        assert_true(!far || tibia->wear[v] == 0);
+        most = fmax(most, (double)tibia->wear[v]);
+    }
+    assert_near(most, 3, 1e-6);
+    assert_null(case_group(worn, "femur")->wear);
+    assert_null(case_group(worn, "meniscus_medial")->wear);
+    case_destroy(&knee);
+    case_destroy(&worn);
+}
+
 // ---- ligaments ----------------------------------------------------------------------------------
 
 static void keys_are_what_the_command_says(void **state) {
@@ -305,6 +345,8 @@ static void wrong_words_are_refused_and_nothing_is_written(void **state) {
                    "plan --group meniscus_medial --at 0.5 --depth-mm 3 --length-mm 5 --out none");
     assert_refused(1, "half of the radius",
                    "cavity knee --body tibia --at 0,0,90 --radius-mm 9 --depth-mm 3 --out none");
+    assert_refused(2, "grade = 5: must be a number from 1 to 4",
+                   "wear knee --body patella --at 0,0,0 --radius-mm 9 --grade 5 --out none");
     char path[FOLDER_MAX + 8];
     struct stat status;
     snprintf(path, sizeof path, "%s/none", folder);
@@ -317,6 +359,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(a_plan_takes_what_was_planned_in_place_of_another),
         cmocka_unit_test(a_cavity_is_as_deep_as_asked_and_no_wider),
         cmocka_unit_test(a_torn_meniscus_is_not_moved_by_a_cavity),
+        cmocka_unit_test(cartilage_is_worn_where_the_command_says),
         cmocka_unit_test(keys_are_what_the_command_says),
         cmocka_unit_test(wrong_words_are_refused_and_nothing_is_written),
     };

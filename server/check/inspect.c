@@ -34,6 +34,13 @@ void inspection_note(struct inspection *inspection, enum finding_level level, co
     va_end(args);
 }
 
+double inspect_worst_wear(const struct case_group *group) {
+    float worst = 0;
+    for (uint32_t v = 0; group->wear && v < group->mesh.vertex_count; v++)
+        worst = fmaxf(worst, group->wear[v]);
+    return (double)worst;
+}
+
 double inspect_largest(const struct case_group *group, const float *displacement) {
     double largest = 0;
     for (size_t v = 0; displacement && v < group->mesh.vertex_count; v++) {

@@ -39,6 +39,9 @@ void inspect_case(struct knee_case *knee, struct inspection *out_inspection);
 // The largest length of a displacement, mm; 0 for NULL.
 double inspect_largest(const struct case_group *group, const float *displacement);
 
+// The greatest grade of a group's cartilage (case.h); 0: all is whole.
+double inspect_worst_wear(const struct case_group *group);
+
 // Origin of the joint frame in the femur's frame.
 vec3 inspect_joint_centre(const struct knee_case *knee);
 

@@ -96,7 +96,7 @@ static json_t *group_object(const struct case_group *group) {
     snprintf(colour, sizeof colour, "#%06x", (unsigned)group->tissue.colour & 0xffffff);
     return json_pack(
         "{s:s, s:s, s:s, s:s, s:s, s:b, s:s, s:b, s:o, s:i, s:i, s:{s:o, s:o}, s:o, s:f, s:f, s:f, "
-        "s:o, s:o, s:s?}",
+        "s:f, s:o, s:o, s:s?}",
         "name", group->name, "tissue", tissue_kind_name(group->tissue.kind), "label",
         group->tissue.label, "colour", colour, "side", tissue_side_name(group->tissue.side),
         "zones", (int)group->tissue.has_zones, "body", body_name(group->body), "cuttable",
@@ -105,9 +105,9 @@ static json_t *group_object(const struct case_group *group) {
         vector(box.min), "max", vector(box.max), "volume_mm3",
         t.closed && t.oriented ? json_real(mesh_volume(&group->mesh)) : json_null(), "area_mm2",
         mesh_area(&group->mesh), "warp_max_mm", inspect_largest(group, group->warp),
-        "maxcut_max_mm", inspect_largest(group, group->maxcut), "lesion", lesion_object(group),
-        "topology", topology_object(&t), "bridges",
-        group->bridges ? body_name(group->other_body) : NULL);
+        "maxcut_max_mm", inspect_largest(group, group->maxcut), "wear_most",
+        inspect_worst_wear(group), "lesion", lesion_object(group), "topology", topology_object(&t),
+        "bridges", group->bridges ? body_name(group->other_body) : NULL);
 }
 
 static int print_json(struct knee_case *knee) {
@@ -170,6 +170,11 @@ static void print_lesion(const struct case_group *group) {
     }
 }
 
+static void print_wear(const struct case_group *group) {
+    if (group->wear)
+        printf("wear   %-17s grade %.1f at most\n", group->name, inspect_worst_wear(group));
+}
+
 // Where the case's origin lies in the scan.
 static void print_scan(const struct knee_case *knee) {
     pose T = knee->T_case_scan;
@@ -197,6 +202,8 @@ static int print_text(struct knee_case *knee) {
         print_group(&knee->groups[i]);
     for (int i = 0; i < knee->group_count; i++)
         print_lesion(&knee->groups[i]);
+    for (int i = 0; i < knee->group_count; i++)
+        print_wear(&knee->groups[i]);
     for (int i = 0; i < knee->key_count; i++)
         print_key(knee, i);
     if (knee->rest_count)

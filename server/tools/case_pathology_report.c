@@ -1,6 +1,7 @@
 #include "case_pathology_report.h"
 
 #include "case_keys.h"
+#include "check/inspect.h"
 #include "cut/cut.h"
 #include "generate/maxcut.h"
 #include "step/scene.h"
@@ -68,15 +69,8 @@ static enum result report_cavity(const struct knee_case *knee, enum body body) {
 static enum result report_wear(const struct knee_case *knee, enum body body) {
     for (int i = 0; i < knee->group_count; i++) {
         const struct case_group *group = &knee->groups[i];
-        uint32_t worn = 0;
-        float most = 0;
-        for (uint32_t v = 0; group->wear && v < group->mesh.vertex_count; v++) {
-            worn += group->wear[v] > 0;
-            most = fmaxf(most, group->wear[v]);
-        }
-        if (group->body == body && worn)
-            printf("%s: worn to grade %.1f, %u of %u vertices\n", group->name, (double)most, worn,
-                   group->mesh.vertex_count);
+        if (group->body == body && group->wear)
+            printf("%s: worn to grade %.1f\n", group->name, inspect_worst_wear(group));
     }
     return RESULT_OK;
 }

@@ -131,6 +131,11 @@ float noise3(vec3 x) {
   return mix(mix(mix(hash3(i), hash3(i + vec3(1, 0, 0)), f.x), mix(hash3(i + vec3(0, 1, 0)), hash3(i + vec3(1, 1, 0)), f.x), f.y),
     mix(mix(hash3(i + vec3(0, 0, 1)), hash3(i + vec3(1, 0, 1)), f.x), mix(hash3(i + vec3(0, 1, 1)), hash3(i + vec3(1, 1, 1)), f.x), f.y), f.z);
 }
+// Where noise crosses its mean; finer than a pixel, the line is paler instead.
+float lineAt(float noise, float width) {
+  float seen = max(width, 1.5 * fwidth(noise));
+  return (1.0 - smoothstep(0.3 * seen, seen, abs(noise - 0.5))) * width / seen;
+}
 `;
 
 type Shader = Pick<WebGLProgramParametersWithUniforms, "uniforms" | "vertexShader" | "fragmentShader">;
@@ -206,7 +211,7 @@ const MORE = {
         float patchy = noise3(0.6 * worn) - 0.5, fibres = noise3(finer * vec3(2.5, 0.8, 2.5));
         float bare = smoothstep(3.1, 3.5, grade + 1.6 * patchy), whole = 1.0 - bare;
         float width = 0.02 * grade, deep = whole * saturate(0.35 * grade);
-        float crack = deep * max(1.0 - smoothstep(0.3 * width, width, abs(noise3(0.45 * worn + 3.0) - 0.5)), 0.7 - 0.7 * smoothstep(0.3 * width, width, abs(noise3(0.5 * finer) - 0.5)));
+        float crack = deep * max(lineAt(noise3(0.45 * worn + 3.0), width), 0.7 * lineAt(noise3(0.5 * finer), width));
         float fray = whole * smoothstep(1.2, 2.6, grade + patchy);
         float blood = smoothstep(0.74, 0.8, noise3(1.3 * finer + 7.0));
         diffuseColor.rgb *= mix(vec3(1.0), vec3(0.97, 0.88, 0.72), saturate(0.4 * grade));

@@ -77,3 +77,22 @@ test("what is slow for a moment is fine again a moment later", () => {
   play(resolution, 4, 300);
   assert.equal(resolution.value, 2);
 });
+
+test("it counts how late the next frame is, not how seldom something moves", (t) => {
+  let late = 0;
+  globalThis.requestAnimationFrame = (frame) => (frame(now + SCREEN_MS + late), 0);
+  t.after(() => Reflect.deleteProperty(globalThis, "requestAnimationFrame"));
+  const resolution = new AdaptiveResolution(2, false);
+  let now = 0;
+  const draw = (pictures: number, everyMs: number): void => {
+    for (let i = 0; i < pictures; i++, now += everyMs) resolution.drawn(now);
+  };
+  draw(200, 100);
+  assert.equal(resolution.value, 2);
+  late = 5 * 60_000; // the page was hidden
+  draw(5, 100);
+  assert.equal(resolution.value, 2);
+  late = SCREEN_MS;
+  draw(20, 100);
+  assert.ok(resolution.value < 2);
+});

@@ -12,6 +12,7 @@ const FAST_MS = 1.05 * HELD_MS;
 const PATIENCE = { least: 30, most: 3600 }; // pictures
 const COARSEST = 0.6;
 const STILL_MS = 300;
+const PAUSE_MS = 500; // a page that was hidden
 
 /** No 3-D in this browser. */
 export class NoWebGl extends Error {}
@@ -47,7 +48,12 @@ export class AdaptiveResolution {
     return this.still ? this.finest : this.moving;
   }
 
-  /** After a picture that took so long, of those that follow each other. */
+  /** After a picture. The frame that follows comes late where drawing took long, whenever the next picture is due. */
+  drawn(now: number): void {
+    if (!this.still) requestAnimationFrame((next) => next - now < PAUSE_MS && this.took(next - now));
+  }
+
+  /** Of a picture that took so long. */
   took(ms: number): void {
     this.spent += 0.1 * (Math.min(ms, 200) - this.spent);
     this.since++;
@@ -99,8 +105,6 @@ export class View3D {
   private readonly resolution: AdaptiveResolution;
   private readonly resize: ResizeObserver;
   private pending = 0;
-  private drawnAt = 0;
-  private running = false; // the picture before was drawn in the frame before
   private ratio = 0; // pixels of the picture for each of the page's
   private closed = false;
 
@@ -155,12 +159,10 @@ export class View3D {
     const more = this.onFrame(now);
     const gliding = this.orbit.update(now);
     this.joint.faceMarker(this.camera.quaternion);
-    if (this.running) this.resolution.took(now - this.drawnAt);
     if (this.resolution.value !== this.ratio) this.size();
-    this.drawnAt = now;
     this.renderer.render(this.scene, this.camera);
-    this.running = more || gliding;
-    if (this.running) this.draw();
+    this.resolution.drawn(now);
+    if (more || gliding) this.draw();
     else this.resolution.rest(() => this.request());
   }
 

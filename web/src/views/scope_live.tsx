@@ -17,7 +17,6 @@ import { chosen, keep, opticWith, type Choice, type Settings } from "./scope_set
 
 const RATE_HZ = 60;
 const NOTE_S = 25; // how long a note is shown
-const PAUSE_MS = 250; // longer between two pictures: nothing changed meanwhile
 const TOLD_MS = 500; // between two figures of the frame time
 
 /** A scope within another page: it shows that page's source, which goes on after it. */
@@ -144,7 +143,7 @@ export class LiveScope {
     const seen = optic.draw(this.near, now / 1000);
     this.drawn.set(this.near);
     this.dirty = false;
-    if (now - this.drawnAt < PAUSE_MS) optic.resolution.took(now - this.drawnAt);
+    optic.resolution.drawn(now);
     this.timed(now - this.drawnAt, performance.now() - (this.own?.at ?? now));
     this.drawnAt = now;
     if (seen) this.stage.showPicture();

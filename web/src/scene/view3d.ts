@@ -12,7 +12,7 @@ const FAST_MS = 1.05 * HELD_MS;
 const PATIENCE = { least: 30, most: 3600 }; // pictures
 const COARSEST = 0.6;
 const STILL_MS = 300;
-const PAUSE_MS = 500; // a page that was hidden
+const PAUSE_MS = 2000; // a page that was hidden
 
 /** No 3-D in this browser. */
 export class NoWebGl extends Error {}

@@ -64,7 +64,6 @@ class Replay {
     const more = joint.paint(now);
     optic.setInstruments(source.history.instruments);
     const seen = optic.draw(this.row, this.time);
-    optic.resolution.drawn(now);
     if (seen) this.stage.showPicture();
     else this.stage.say("no scope", () => <Empty title={text.scope.noScope} />);
     this.stage.canvas.dataset.time = this.time.toFixed(2);

@@ -206,7 +206,7 @@ const MORE = {
   wear: `
       #ifdef USE_COLOR_ALPHA
       float grade = 4.0 * (1.0 - vColor.a);
-      if (grade > 0.0) {
+      if (grade > 0.02) {
         vec3 worn = ASKEW * vPlace + 0.4 * grain, finer = ASKEW * (2.3 * worn);
         float patchy = noise3(0.6 * worn) - 0.5, fibres = noise3(finer * vec3(2.5, 0.8, 2.5));
         float bare = smoothstep(3.1, 3.5, grade + 1.6 * patchy), whole = 1.0 - bare;

@@ -10,6 +10,7 @@ const HELD_MS = 1000 / 60;
 const SLOW_MS = 1.14 * HELD_MS; // a mean, where one in seven is late
 const FAST_MS = 1.05 * HELD_MS;
 const PATIENCE = { least: 30, most: 3600 }; // pictures
+const VAIN_MOST = 60; // pictures: a try that held for longer was not in vain
 const COARSEST = 0.6;
 const STILL_MS = 300;
 const PAUSE_MS = 2000; // a page that was hidden
@@ -55,7 +56,7 @@ export class AdaptiveResolution {
 
   /** Of a picture that took so long. */
   took(ms: number): void {
-    this.spent += 0.1 * (Math.min(ms, 200) - this.spent);
+    this.spent += 0.1 * (Math.min(ms, 2 * HELD_MS) - this.spent);
     this.since++;
     if (this.spent > SLOW_MS) this.change(this.moving * 0.8);
     else if (this.spent < FAST_MS && this.since > this.patience) this.change(this.moving * 1.25);
@@ -64,7 +65,7 @@ export class AdaptiveResolution {
   private change(wanted: number): void {
     const next = Math.min(this.finest, Math.max(COARSEST * this.finest, wanted));
     if (next === this.moving) return;
-    if (next < this.moving && this.grown) this.patience = Math.min(2 * this.patience, PATIENCE.most);
+    if (next < this.moving && this.grown) this.patience = this.since < VAIN_MOST ? Math.min(2 * this.patience, PATIENCE.most) : PATIENCE.least;
     this.grown = next > this.moving;
     this.moving = next;
     this.spent = HELD_MS;

@@ -7,6 +7,11 @@ static double share_at(double distance, double radius) {
     return t * t * (3 - 2 * t);
 }
 
+static bool wears(const struct case_group *group) {
+    enum tissue_kind kind = group->tissue.kind;
+    return (kind == TISSUE_BONE || kind == TISSUE_CARTILAGE) && !group->cuttable;
+}
+
 static void wear_group(struct case_group *group, vec3 middle, const struct wear_patch *patch) {
     for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
         double distance = vec3_distance(mesh_vertex(&group->mesh, v), middle);
@@ -30,7 +35,7 @@ enum result wear_add(struct case_group *const *groups, int group_count,
                     "the radius",
                     patch->at.x, patch->at.y, patch->at.z, groups[0]->name, distance);
     for (int i = 0; i < group_count; i++)
-        if (groups[i]->tissue.kind == TISSUE_BONE || groups[i]->tissue.kind == TISSUE_CARTILAGE)
+        if (wears(groups[i]))
             wear_group(groups[i], middle, patch);
     return RESULT_OK;
 }

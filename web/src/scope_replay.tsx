@@ -49,6 +49,11 @@ class Replay {
   }
 
   private draw(now: number): void {
+    this.stage.shown?.optic.resolution.move();
+    this.render(now);
+  }
+
+  private render(now: number): void {
     const { source, stage: { shown } } = this;
     const at = source.history.indexAt(this.time);
     if (at < 0 || !shown) return;
@@ -67,7 +72,9 @@ class Replay {
     if (seen) this.stage.showPicture();
     else this.stage.say("no scope", () => <Empty title={text.scope.noScope} />);
     this.stage.canvas.dataset.time = this.time.toFixed(2);
+    optic.resolution.drawn(now);
     if (more || (seen && !optic.settled)) this.soon();
+    else optic.resolution.rest(() => this.render(performance.now()));
   }
 }
 

@@ -3,12 +3,20 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { setTimeout as sleep } from "node:timers/promises";
+import { screenMs } from "../src/graphics";
 import { AdaptiveResolution } from "../src/scene/view3d";
 
 const LONG_MS = 600;
+const SCREEN_MS = 1000 / 60;
+
+async function resolutionOn(screen: number, finest: number, coarse = false): Promise<AdaptiveResolution> {
+  const resolution = new AdaptiveResolution(finest, coarse, Promise.resolve(screen));
+  await Promise.resolve();
+  return resolution;
+}
 
 test("what stands is drawn finely, once", async () => {
-  const resolution = new AdaptiveResolution(1, true);
+  const resolution = await resolutionOn(SCREEN_MS, 1, true);
   let drawn = 0;
   const draw = (): void => {
     drawn++;
@@ -25,7 +33,7 @@ test("what stands is drawn finely, once", async () => {
 });
 
 test("what moves is not", async () => {
-  const resolution = new AdaptiveResolution(1, true);
+  const resolution = await resolutionOn(SCREEN_MS, 1, true);
   for (let i = 0; i < 8; i++) {
     resolution.move();
     resolution.rest(() => assert.fail("a fine picture of what moves"));
@@ -37,29 +45,27 @@ test("what moves is not", async () => {
 });
 
 test("where pictures are quick there is nothing to make finer", async () => {
-  const resolution = new AdaptiveResolution(2, false);
+  const resolution = await resolutionOn(SCREEN_MS, 2);
   resolution.rest(() => assert.fail("drawn again"));
   await sleep(LONG_MS);
   assert.equal(resolution.value, 2);
 });
 
-const SCREEN_MS = 1000 / 60;
-
 // `costMs`: of a picture of one pixel for each of the page's, and of each pixel more.
-function play(resolution: AdaptiveResolution, costMs: number, pictures: number): { late: number; mean: number } {
+function play(resolution: AdaptiveResolution, costMs: number, pictures: number, screen = SCREEN_MS): { late: number; mean: number } {
   let [late, sum] = [0, 0];
   for (let i = 0; i < pictures; i++) {
-    const frames = Math.ceil((costMs * resolution.value ** 2) / SCREEN_MS - 1e-9);
-    resolution.took(frames * SCREEN_MS);
-    late += frames > 1 ? 1 : 0;
+    const frames = Math.ceil((costMs * resolution.value ** 2) / screen - 1e-9);
+    resolution.took(frames * screen);
+    late += frames > Math.max(1, Math.floor(SCREEN_MS / screen)) ? 1 : 0;
     sum += resolution.value;
   }
   return { late: late / pictures, mean: sum / pictures };
 }
 
-test("sixty pictures a second are held, as fine as they can be", () => {
+test("sixty pictures a second are held, as fine as they can be", async () => {
   for (const costMs of [4, 6, 8, 10]) {
-    const resolution = new AdaptiveResolution(2, false);
+    const resolution = await resolutionOn(SCREEN_MS, 2);
     const first = play(resolution, costMs, 600);
     assert.ok(first.late < 0.15, `at ${costMs} ms: ${first.late}`);
     const { late, mean } = play(resolution, costMs, 6000);
@@ -69,8 +75,8 @@ test("sixty pictures a second are held, as fine as they can be", () => {
   }
 });
 
-test("what is slow for a moment is fine again a moment later", () => {
-  const resolution = new AdaptiveResolution(2, false);
+test("what is slow for a moment is fine again a moment later", async () => {
+  const resolution = await resolutionOn(SCREEN_MS, 2);
   play(resolution, 4, 60);
   play(resolution, 9, 60);
   assert.ok(resolution.value < 2);
@@ -78,11 +84,45 @@ test("what is slow for a moment is fine again a moment later", () => {
   assert.equal(resolution.value, 2);
 });
 
-test("it counts how late the next frame is, not how seldom something moves", (t) => {
+test("a slower screen's pictures are late only where it shows none in its own time", async () => {
+  for (const screen of [1000 / 50, 1000 / 30]) {
+    const quick = await resolutionOn(screen, 2);
+    play(quick, 2, 600, screen);
+    assert.equal(quick.value, 2, `each ${screen} ms`);
+    const slow = await resolutionOn(screen, 2);
+    const { late } = play(slow, screen / 2, 3000, screen);
+    assert.ok(late < 0.05 && slow.value < 1.5 && slow.value > 1.1, `each ${screen} ms: ${late}, ${slow.value}`);
+  }
+});
+
+test("a quicker screen is no reason for coarser pictures", async () => {
+  for (const screen of [1000 / 120, 1000 / 144]) {
+    const resolution = await resolutionOn(screen, 2);
+    play(resolution, 0.95 * SCREEN_MS / 4, 600, screen);
+    assert.ok(resolution.value > 1.5, `each ${screen} ms: ${resolution.value}`);
+  }
+});
+
+test("one long wait makes no picture coarser", async () => {
+  const resolution = await resolutionOn(SCREEN_MS, 2);
+  play(resolution, 2, 60);
+  resolution.took(700);
+  assert.equal(resolution.value, 2);
+});
+
+test("a screen's own time is the shortest from one frame to the next", async (t) => {
+  const waits = [900, 40, 20.1, 20, 60, 20, 20.2, 40, 20, 20, 20, 20, 20, 20];
+  let now = 0;
+  globalThis.requestAnimationFrame = (frame) => (setTimeout(() => frame((now += waits.shift()!))), 0);
+  t.after(() => Reflect.deleteProperty(globalThis, "requestAnimationFrame"));
+  assert.ok(Math.abs((await screenMs()) - 20) < 1e-9);
+});
+
+test("it counts how late the next frame is, not how seldom something moves", async (t) => {
   let late = 0;
   globalThis.requestAnimationFrame = (frame) => (frame(now + SCREEN_MS + late), 0);
   t.after(() => Reflect.deleteProperty(globalThis, "requestAnimationFrame"));
-  const resolution = new AdaptiveResolution(2, false);
+  const resolution = await resolutionOn(SCREEN_MS, 2);
   let now = 0;
   const draw = (pictures: number, everyMs: number): void => {
     for (let i = 0; i < pictures; i++, now += everyMs) resolution.drawn(now);

@@ -73,14 +73,15 @@ interface Grain {
 }
 
 const GRAINS: Record<Kind, Grain> = {
-  bone: { scale: [0.5, 0.5, 0.5], rough: 0.05, soft: 0.5, film: 0.34, give: 0.08, more: "wear" },
+  bone: { scale: [0.5, 0.5, 0.5], rough: 0.05, soft: 0.5, film: 0.34, give: 0.08 },
   meniscus: { scale: [0.7, 0.7, 2.6], rough: 0.07, soft: 0.4, film: 0.22, give: 0.35, more: "fray" }, // its fibres run round
   ligament: { scale: [2.2, 1.6, 0.3], rough: 0.12, soft: 0.35, film: 0.3, give: 0.3 }, // and those of a cruciate ligament upwards
   lining: { scale: [0.36, 0.33, 0.3], rough: 0.2, soft: 0.6, film: 0.2, give: 0, more: "lining" },
 };
 
-export function grainOf(group: CaseGroup): Grain {
-  return GRAINS[kindOf(group)];
+export function grainOf(group: CaseGroup, worn = false): Grain {
+  const grain = GRAINS[kindOf(group)];
+  return worn ? { ...grain, more: "wear" } : grain;
 }
 
 /** A material for tissue. Where `other` is given, vertices go along with another body by their share. */
@@ -204,23 +205,19 @@ const MORE = {
       diffuseColor.rgb *= mix(vec3(1.0), vec3(0.72, 0.3, 0.3), (1.0 - 0.6 * fat) * red) * mix(0.8, 1.08, fold);
       grain += mix(9.0 * fold, 12.0 * sqrt(lobule), fat);`,
   wear: `
-      #ifdef USE_COLOR_ALPHA
       float grade = 4.0 * (1.0 - vColor.a);
-      if (grade > 0.02) {
-        vec3 worn = ASKEW * vPlace + 0.4 * grain, finer = ASKEW * (2.3 * worn);
-        float patchy = noise3(0.6 * worn) - 0.5, fibres = noise3(finer * vec3(2.5, 0.8, 2.5));
-        float bare = smoothstep(3.1, 3.5, grade + 1.6 * patchy), whole = 1.0 - bare;
-        float width = 0.02 * grade, deep = whole * saturate(0.35 * grade);
-        float crack = deep * max(lineAt(noise3(0.45 * worn + 3.0), width), 0.7 * lineAt(noise3(0.5 * finer), width));
-        float fray = whole * smoothstep(1.2, 2.6, grade + patchy);
-        float blood = smoothstep(0.74, 0.8, noise3(1.3 * finer + 7.0));
-        diffuseColor.rgb *= mix(vec3(1.0), vec3(0.97, 0.88, 0.72), saturate(0.4 * grade));
-        diffuseColor.rgb *= mix(vec3(1.0), vec3(0.62, 0.48, 0.38), crack) * mix(1.0, 0.85 + 0.25 * fibres, fray);
-        diffuseColor.rgb = mix(diffuseColor.rgb, mix(vec3(0.8, 0.6, 0.44), vec3(0.62, 0.2, 0.16), blood), bare);
-        gloss -= 0.6 * fray + 0.4 * bare;
-        grain += 1.5 * fray * fibres - 1.5 * crack + 1.5 * bare * patchy;
-      }
-      #endif`,
+      vec3 worn = ASKEW * vPlace + 0.4 * grain, finer = ASKEW * (2.3 * worn);
+      float patchy = noise3(0.6 * worn) - 0.5, fibres = noise3(finer * vec3(2.5, 0.8, 2.5));
+      float bare = smoothstep(3.1, 3.5, grade + 1.6 * patchy), whole = 1.0 - bare;
+      float width = 0.02 * grade, deep = whole * saturate(0.35 * grade);
+      float crack = deep * max(lineAt(noise3(0.45 * worn + 3.0), width), 0.7 * lineAt(noise3(0.5 * finer), width));
+      float fray = whole * smoothstep(1.2, 2.6, grade + patchy);
+      float blood = smoothstep(0.74, 0.8, noise3(1.3 * finer + 7.0));
+      diffuseColor.rgb *= mix(vec3(1.0), vec3(0.97, 0.88, 0.72), saturate(0.4 * grade));
+      diffuseColor.rgb *= mix(vec3(1.0), vec3(0.62, 0.48, 0.38), crack) * mix(1.0, 0.85 + 0.25 * fibres, fray);
+      diffuseColor.rgb = mix(diffuseColor.rgb, mix(vec3(0.8, 0.6, 0.44), vec3(0.62, 0.2, 0.16), blood), bare);
+      gloss -= 0.6 * fray + 0.4 * bare;
+      grain += 1.5 * fray * fibres - 1.5 * crack + 1.5 * bare * patchy;`,
   fray: `
       float raw = 1.0 - vColor.a, fray = 0.0;
       if (raw > 0.0) fray = noise3(ASKEW * vPlace * vec3(6.0, 6.0, 2.0));

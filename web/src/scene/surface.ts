@@ -33,7 +33,7 @@ export class Surface {
   /** `shade`: in the scope, what takes light from it. */
   constructor(readonly group: Group, shade?: Shade) {
     const inScope = (this.inScope = shade !== undefined);
-    const grain = inScope ? grainOf(group.about) : undefined;
+    const grain = inScope ? grainOf(group.about, group.wear !== undefined) : undefined;
     if (grain?.give && !group.otherShare) this.dent = new Dent(grain.give);
     const geometry = new BufferGeometry();
     const { positions, normals } = group.virtual;

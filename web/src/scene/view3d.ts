@@ -1,14 +1,15 @@
 // A canvas with the joint. It is drawn when something has changed, and coarser where that takes longer than a
-// sixtieth of a second: the picture follows the hands. Once nothing changes any more it is drawn finely.
+// sixtieth of a second (or than the screen's own time): the picture follows the hands. Once nothing changes any more
+// it is drawn finely.
 import { AmbientLight, DirectionalLight, PerspectiveCamera, Raycaster, Scene, SRGBColorSpace, Vector2, WebGLRenderer } from "three";
-import { drawnBySoftware } from "../graphics";
+import { drawnBySoftware, screenMs } from "../graphics";
 import { h } from "../ui";
 import type { Joint, Marker } from "./joint";
 import { Orbit } from "./orbit";
 
 const HELD_MS = 1000 / 60;
-const SLOW_MS = 1.14 * HELD_MS; // a mean, where one in seven is late
-const FAST_MS = 1.05 * HELD_MS;
+const SLOW = 1.14; // of what is held: a mean, where one in seven is late
+const FAST = 1.05;
 const PATIENCE = { least: 30, most: 3600 }; // pictures
 const VAIN_MOST = 60; // pictures: a try that held for longer was not in vain
 const COARSEST = 0.6;
@@ -39,10 +40,12 @@ export class AdaptiveResolution {
   private grown = false; // by it
   private still = false;
   private timer: ReturnType<typeof setTimeout> | undefined;
-  private spent = FAST_MS;
+  private held = HELD_MS;
+  private spent = FAST * HELD_MS;
 
-  constructor(private readonly finest = Math.min(devicePixelRatio, 2), coarse = drawnBySoftware()) {
+  constructor(private readonly finest = Math.min(devicePixelRatio, 2), coarse = drawnBySoftware(), screen = screenMs()) {
     this.moving = coarse ? COARSEST * finest : finest;
+    void screen.then((ms) => (this.held = Math.max(HELD_MS, ms)));
   }
 
   get value(): number {
@@ -56,10 +59,10 @@ export class AdaptiveResolution {
 
   /** Of a picture that took so long. */
   took(ms: number): void {
-    this.spent += 0.1 * (Math.min(ms, 2 * HELD_MS) - this.spent);
+    this.spent += 0.1 * (Math.min(ms, 2 * this.held) - this.spent);
     this.since++;
-    if (this.spent > SLOW_MS) this.change(this.moving * 0.8);
-    else if (this.spent < FAST_MS && this.since > this.patience) this.change(this.moving * 1.25);
+    if (this.spent > SLOW * this.held) this.change(this.moving * 0.8);
+    else if (this.spent < FAST * this.held && this.since > this.patience) this.change(this.moving * 1.25);
   }
 
   private change(wanted: number): void {
@@ -68,7 +71,7 @@ export class AdaptiveResolution {
     if (next < this.moving && this.grown) this.patience = this.since < VAIN_MOST ? Math.min(2 * this.patience, PATIENCE.most) : PATIENCE.least;
     this.grown = next > this.moving;
     this.moving = next;
-    this.spent = HELD_MS;
+    this.spent = this.held;
     this.since = 0;
   }
 

@@ -217,6 +217,11 @@ float *case_group_need_covered(struct case_group *group) {
     return group->covered;
 }
 
+bool case_group_wears(const struct case_group *group) {
+    enum tissue_kind kind = group->tissue.kind;
+    return (kind == TISSUE_BONE || kind == TISSUE_CARTILAGE) && !group->cuttable;
+}
+
 float *case_group_need_wear(struct case_group *group) {
     if (!group->wear)
         group->wear = alloc(group->mesh.vertex_count, sizeof *group->wear);
@@ -318,6 +323,10 @@ static enum result check_covered(const struct case_group *group, struct error *e
 static enum result check_wear(const struct case_group *group, struct error *err) {
     if (group->wear && group->cuttable)
         return fail(err, RESULT_INVALID, "group %s is cuttable, so nothing of it can be worn",
+                    group->name);
+    if (group->wear && !case_group_wears(group))
+        return fail(err, RESULT_INVALID,
+                    "group %s is neither bone nor cartilage, so nothing of it can be worn",
                     group->name);
     for (uint32_t v = 0; group->wear && v < group->mesh.vertex_count; v++)
         if (!(group->wear[v] >= 0 && group->wear[v] <= CASE_WEAR_MOST))

@@ -165,7 +165,7 @@ enum result case_load_checked(const char *dir, case_checker check, struct knee_c
 // order; a landmark without a valid and new name or with a place or error that is none; a loose
 // body without a valid and new name or with a place or radii that are none; shares outside 0 to 1,
 // or of a bridge from a body to itself; a group of which all or something that can be cut is
-// covered; wear of what can be cut, or beyond 0 to 4; a torn ligament without a key or with
+// covered; wear of what does not wear, or beyond 0 to 4; a torn ligament without a key or with
 // another's name, or a key of none; a group without a mesh. The error names group or key.
 enum result case_validate(const struct knee_case *knee, struct error *err);
 
@@ -200,6 +200,7 @@ struct case_group *case_group(struct knee_case *knee, const char *name); // NULL
 struct case_tissue case_group_usual(const struct case_group *group);
 
 bool case_group_is_bone(const struct case_group *group); // the bone that its body is named after
+bool case_group_wears(const struct case_group *group);   // bone or cartilage that stays uncut
 bool case_group_is_skin(const struct case_group *group); // what surrounds the knee and gives way
 struct case_group *case_skin(struct knee_case *knee);    // NULL: there is none
 

@@ -59,8 +59,8 @@ int add_numbers(tinygltf::Model &model, const Number *values, size_t count, int 
     return add_accessor(model, accessor);
 }
 
-int add_shares(tinygltf::Model &model, const float *shares, size_t count) {
-    return add_numbers(model, shares, count, TINYGLTF_COMPONENT_TYPE_FLOAT,
+int add_floats(tinygltf::Model &model, const float *values, size_t count) {
+    return add_numbers(model, values, count, TINYGLTF_COMPONENT_TYPE_FLOAT,
                        TINYGLTF_TARGET_ARRAY_BUFFER);
 }
 
@@ -97,11 +97,11 @@ void add_node(tinygltf::Model &model, const gltf_node &from) {
     add_targets(model, from, mesh);
     if (from.other_share)
         primitive.attributes[gltf_other_share] =
-            add_shares(model, from.other_share, from.vertex_count);
+            add_floats(model, from.other_share, from.vertex_count);
     if (from.covered)
-        primitive.attributes[gltf_covered] = add_shares(model, from.covered, from.vertex_count);
+        primitive.attributes[gltf_covered] = add_floats(model, from.covered, from.vertex_count);
     if (from.wear)
-        primitive.attributes[gltf_wear] = add_shares(model, from.wear, from.vertex_count);
+        primitive.attributes[gltf_wear] = add_floats(model, from.wear, from.vertex_count);
     model.meshes.push_back(std::move(mesh));
     tinygltf::Node node;
     node.name = from.name;

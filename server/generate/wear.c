@@ -7,19 +7,18 @@ static double share_at(double distance, double radius) {
     return t * t * (3 - 2 * t);
 }
 
-static bool wears(const struct case_group *group) {
-    enum tissue_kind kind = group->tissue.kind;
-    return (kind == TISSUE_BONE || kind == TISSUE_CARTILAGE) && !group->cuttable;
-}
-
-static void wear_group(struct case_group *group, vec3 middle, const struct wear_patch *patch) {
+// Whether any of it lies in the patch.
+static bool wear_group(struct case_group *group, vec3 middle, const struct wear_patch *patch) {
+    bool met = false;
     for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
         double distance = vec3_distance(mesh_vertex(&group->mesh, v), middle);
         if (distance >= patch->radius_mm)
             continue;
+        met = true;
         float *wear = &case_group_need_wear(group)[v];
         *wear = fmaxf(*wear, (float)(patch->grade * share_at(distance, patch->radius_mm)));
     }
+    return met;
 }
 
 enum result wear_add(struct case_group *const *groups, int group_count,
@@ -34,8 +33,12 @@ enum result wear_add(struct case_group *const *groups, int group_count,
                     "wear at %g,%g,%g: the nearest vertex of %s is %.1f mm away, more than half of "
                     "the radius",
                     patch->at.x, patch->at.y, patch->at.z, groups[0]->name, distance);
+    bool met = false;
     for (int i = 0; i < group_count; i++)
-        if (wears(groups[i]))
-            wear_group(groups[i], middle, patch);
-    return RESULT_OK;
+        if (case_group_wears(groups[i]))
+            met |= wear_group(groups[i], middle, patch);
+    return met ? RESULT_OK
+               : fail(err, RESULT_MISSING,
+                      "wear at %g,%g,%g: neither bone nor cartilage that stays uncut is there",
+                      patch->at.x, patch->at.y, patch->at.z);
 }

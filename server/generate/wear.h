@@ -11,8 +11,8 @@ struct wear_patch {
     double grade; // above 0, at most CASE_WEAR_MOST
 };
 
-// Raises the `wear` of bone and cartilage that nothing cuts among these groups (1 or more) of one
-// body, never lowers it. RESULT_INVALID where the first group has no vertex within radius_mm / 2 of
-// `at`; nothing has changed then.
+// Raises the `wear` of these groups (1 or more) of one body where they wear (case_group_wears),
+// never lowers it. RESULT_INVALID where the first group has no vertex within radius_mm / 2 of `at`,
+// RESULT_MISSING where nothing in the patch wears; nothing has changed then.
 enum result wear_add(struct case_group *const *groups, int group_count,
                      const struct wear_patch *patch, struct error *err);

@@ -105,7 +105,7 @@ static json_t *group_object(const struct case_group *group) {
         vector(box.min), "max", vector(box.max), "volume_mm3",
         t.closed && t.oriented ? json_real(mesh_volume(&group->mesh)) : json_null(), "area_mm2",
         mesh_area(&group->mesh), "warp_max_mm", inspect_largest(group, group->warp),
-        "maxcut_max_mm", inspect_largest(group, group->maxcut), "wear_most",
+        "maxcut_max_mm", inspect_largest(group, group->maxcut), "worst_wear",
         inspect_worst_wear(group), "lesion", lesion_object(group), "topology", topology_object(&t),
         "bridges", group->bridges ? body_name(group->other_body) : NULL);
 }
@@ -172,7 +172,7 @@ static void print_lesion(const struct case_group *group) {
 
 static void print_wear(const struct case_group *group) {
     if (group->wear)
-        printf("wear   %-17s grade %.1f at most\n", group->name, inspect_worst_wear(group));
+        printf("wear   %-17s grade %.1f at worst\n", group->name, inspect_worst_wear(group));
 }
 
 // Where the case's origin lies in the scan.

@@ -70,7 +70,7 @@ static enum result report_wear(const struct knee_case *knee, enum body body) {
     for (int i = 0; i < knee->group_count; i++) {
         const struct case_group *group = &knee->groups[i];
         if (group->body == body && group->wear)
-            printf("%s: worn to grade %.1f\n", group->name, inspect_worst_wear(group));
+            printf("%s: grade %.1f at worst\n", group->name, inspect_worst_wear(group));
     }
     return RESULT_OK;
 }

@@ -272,6 +272,8 @@ static void seed_case(const char *name, struct knee_case *knee) {
 static void cases(void) {
     struct knee_case *knee = box_knee();
     seed_case("boxes", knee);
+    case_group_need_wear(case_group(knee, "femur"))[2] = 3;
+    seed_case("worn", knee);
     knee->groups[0].tissue =
         (struct case_tissue){TISSUE_OTHER, TISSUE_LATERAL, true, 0xe05a5a, "A ½"};
     seed_case("described", knee);

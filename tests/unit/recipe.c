@@ -136,6 +136,13 @@ static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {
         {"[loose a]\nbody = tibia\n", "[loose a] needs either count, or body and at"},
         {"[loose a]\ncount = 2\nbody = tibia\nat = notch\n", "[loose a] needs either count"},
         {"[loose a]\nmass_g = 2\n", "[loose a] mass_g: unknown key"},
+        {"[wear a]\nbody = skin\n", "[wear a] body: must be femur, tibia or patella"},
+        {"[wear a]\ngrade = 4.5\n", "[wear a] grade = 4.5: must be a number from 1 to 4"},
+        {"[wear a]\ndepth_mm = 1\n", "[wear a] depth_mm: unknown key"},
+        {"[wear a]\nbody = tibia\nat = 0 0 0\ngrade = 2\n", "[wear a] needs body, at, radius_mm"},
+#define WEAR(name) "[wear " name "]\nbody = tibia\nat = 0 0 0\nradius_mm = 5\ngrade = 2\n"
+        {WEAR("a") WEAR("b") WEAR("c") WEAR("d") WEAR("e") WEAR("f") WEAR("g") WEAR("h") WEAR("i"),
+         "[wear i] body: at most 8 patches of wear"},
         {"[cavities]\nat = 1\n", "[cavities] at: unknown key"},
         {"[tear]\nat = 0.5\n", "[tear] at: unknown key"},
 #define KEYS "[ligament mcl]\nflexion_deg = 20 50\n"

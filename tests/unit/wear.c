@@ -2,6 +2,7 @@
 #include "generate/wear.h"
 
 #include "case_knee.h"
+#include "generate/generate.h"
 #include "generate/pathology.h"
 #include "generate/refine.h"
 #include "test.h"
@@ -83,6 +84,36 @@ static void wear_beside_the_bone_is_refused(void **state) {
     case_destroy(&knee);
 }
 
+static void what_nothing_of_wears_is_told(void **state) {
+    (void)state;
+    struct knee_case *knee = plate_knee();
+    struct case_group *tibia = case_group(knee, "tibia");
+    tibia->tissue.kind = TISSUE_SYNOVIUM;
+    assert_int_equal(wear(knee, (struct wear_patch){{0, 0, 0}, 6, 4}), RESULT_MISSING);
+    assert_non_null(strstr(err.text, "neither bone nor cartilage"));
+    tibia->tissue.kind = TISSUE_BONE;
+    tibia->cuttable = true;
+    assert_int_equal(wear(knee, (struct wear_patch){{0, 0, 0}, 6, 4}), RESULT_MISSING);
+    assert_null(tibia->wear);
+    case_destroy(&knee);
+}
+
+// A flap of cartilage that instruments take off, over a bone that wears.
+static void what_can_be_cut_stays_whole(void **state) {
+    (void)state;
+    struct knee_case *knee = plate_knee();
+    struct case_group *flap = case_group(knee, "meniscus_medial");
+    flap->tissue.kind = TISSUE_CARTILAGE;
+    flap->cuttable = true;
+    assert_ok(wear(knee, (struct wear_patch){{0, 0, 0}, 6, 4}));
+    assert_non_null(case_group(knee, "tibia")->wear);
+    assert_null(flap->wear);
+    flap->cuttable = false;
+    assert_ok(wear(knee, (struct wear_patch){{0, 0, 0}, 6, 4}));
+    assert_non_null(flap->wear);
+    case_destroy(&knee);
+}
+
 // ---- a case's -----------------------------------------------------------------------------------
 
 static void a_case_keeps_wear_part_by_part(void **state) {
@@ -117,7 +148,29 @@ static void grades_that_there_are_not_are_refused(void **state) {
     struct knee_case *knee = box_knee();
     case_group_need_wear(case_group(knee, "meniscus_medial"));
     assert_int_equal(case_validate(knee, &err), RESULT_INVALID);
-    assert_non_null(strstr(err.text, "nothing of it can be worn"));
+    assert_non_null(strstr(err.text, "cuttable, so nothing of it can be worn"));
+    case_destroy(&knee);
+    knee = box_knee();
+    case_group_need_wear(case_group(knee, "lcl"));
+    assert_int_equal(case_validate(knee, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "lcl is neither bone nor cartilage"));
+    case_destroy(&knee);
+}
+
+// A part without wear, beside one that has it.
+static void parts_without_wear_are_whole(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    struct case_group *tibia = case_group(knee, "tibia");
+    uint32_t before = tibia->mesh.vertex_count;
+    case_group_need_wear(tibia)[before - 1] = 2;
+    struct mesh box;
+    box_mesh((vec3){18, 0, -21}, (vec3){14, 20, 1}, &box);
+    assert_ok(case_add_part(tibia, "lateral", &box, &err));
+    mesh_fini(&box);
+    assert_near((double)tibia->wear[before - 1], 2, 0);
+    for (uint32_t v = before; v < tibia->mesh.vertex_count; v++)
+        assert_near((double)tibia->wear[v], 0, 0);
     case_destroy(&knee);
 }
 
@@ -141,6 +194,74 @@ static void new_vertices_are_worn_as_their_neighbours(void **state) {
         vec3 p = mesh_vertex(&tibia->mesh, v);
         assert_near((double)tibia->wear[v], 2 + p.x / 12, 1e-4); // linear between 1, 3 and 2
     }
+    case_destroy(&knee);
+}
+
+// ---- a recipe's ---------------------------------------------------------------------------------
+
+static const struct recipe coarse = {.name = "worn",
+                                     .title = "Worn",
+                                     .size = 1,
+                                     .resolution_mm = 3,
+                                     .meniscus_medial_cm3 = 2.4,
+                                     .meniscus_lateral_cm3 = 2.4};
+
+// The middle of what has the worst grade, from the joint's origin, x lateral.
+static vec3 worst_place(struct recipe recipe, const char *body, const char *at) {
+    struct pathology *step = &recipe.steps[recipe.step_count++];
+    struct knee_case *knee;
+    pathology_init(step, PATHOLOGY_WEAR, "a");
+    assert_ok(pathology_take(step, "body", body, &err));
+    assert_ok(pathology_take(step, "at", at, &err));
+    assert_ok(pathology_take(step, "radius_mm", "12", &err));
+    assert_ok(pathology_take(step, "grade", "3", &err));
+    if (generate_knee(&recipe, &knee, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    const struct case_group *group = case_group(knee, body);
+    vec3 sum = {0};
+    int count = 0;
+    for (uint32_t v = 0; v < group->mesh.vertex_count; v++)
+        if (group->wear[v] == 3) {
+            sum = vec3_add(sum, mesh_vertex(&group->mesh, v));
+            count++;
+        }
+    pose joint = group->body == BODY_TIBIA ? knee->joint.T_tibia_joint : knee->joint.T_femur_joint;
+    vec3 middle = pose_apply(pose_inverse(joint), vec3_scale(1.0 / count, sum));
+    if (knee->joint.side == SIDE_LEFT)
+        middle.x = -middle.x;
+    case_destroy(&knee);
+    return middle;
+}
+
+static void a_place_goes_with_the_size_and_the_side(void **state) {
+    (void)state;
+    struct recipe small = coarse, left = coarse;
+    small.size = 0.8;
+    left.side = SIDE_LEFT;
+    vec3 usual = worst_place(coarse, "tibia", "-20 0 -18");
+    assert_true(usual.x < -14 && usual.x > -26);
+    assert_vec3_near(worst_place(left, "tibia", "-20 0 -18"), usual, 1e-3);
+    assert_vec3_near(worst_place(small, "tibia", "-20 0 -18"), vec3_scale(0.8, usual), 1.5);
+}
+
+static void a_landmark_is_a_place(void **state) {
+    (void)state;
+    struct knee_case *knee = plate_knee();
+    struct pathology step;
+    knee->landmarks[knee->landmark_count++] =
+        (struct case_landmark){.name = "plateau_medial", .body = BODY_TIBIA, .at = {-4, 3, 0}};
+    pathology_init(&step, PATHOLOGY_WEAR, "a");
+    assert_ok(pathology_take(&step, "body", "tibia", &err));
+    assert_ok(pathology_take(&step, "at", "plateau_medial", &err));
+    assert_ok(pathology_take(&step, "radius_mm", "4", &err));
+    assert_ok(pathology_take(&step, "grade", "3", &err));
+    assert_ok(pathology_apply(knee, &step, 1, &err));
+    const struct case_group *tibia = case_group(knee, "tibia");
+    assert_near((double)tibia->wear[mesh_nearest_vertex(&tibia->mesh, (vec3){-4, 3, 0})], 3, 0);
+    assert_near((double)tibia->wear[mesh_nearest_vertex(&tibia->mesh, (vec3){0, 0, 0})], 0, 0);
+    strcpy(knee->landmarks[0].name, "plateau_lateral");
+    assert_int_equal(pathology_apply(knee, &step, 1, &err), RESULT_MISSING);
+    assert_non_null(strstr(err.text, "no landmark plateau_medial"));
     case_destroy(&knee);
 }
 
@@ -169,9 +290,14 @@ int main(void) {
         cmocka_unit_test(the_grade_holds_to_half_of_the_radius_and_falls_to_nothing),
         cmocka_unit_test(a_second_patch_never_makes_cartilage_better),
         cmocka_unit_test(wear_beside_the_bone_is_refused),
+        cmocka_unit_test(what_nothing_of_wears_is_told),
+        cmocka_unit_test(what_can_be_cut_stays_whole),
         cmocka_unit_test(a_case_keeps_wear_part_by_part),
+        cmocka_unit_test(parts_without_wear_are_whole),
         cmocka_unit_test(grades_that_there_are_not_are_refused),
         cmocka_unit_test(new_vertices_are_worn_as_their_neighbours),
+        cmocka_unit_test(a_place_goes_with_the_size_and_the_side),
+        cmocka_unit_test(a_landmark_is_a_place),
         cmocka_unit_test(words_of_wear_are_bounded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

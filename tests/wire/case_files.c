@@ -115,6 +115,7 @@ static void write_json_chunk(const char *text) {
 #define POSITION "accessors/0"
 #define SHARES "accessors/15"
 #define SHARED "meshes/5/primitives/0/attributes"
+#define MENISCUS "meshes/4/primitives/0/attributes"
 #define INDICES "accessors/1"
 #define VIEW "bufferViews/0"
 #define PRIMITIVE "meshes/0/primitives/0"
@@ -175,6 +176,10 @@ static void a_glb_that_lies_is_refused_with_node_and_accessor(void **state) {
         {SHARED "/_OTHER_SHARE", "99", "_OTHER_SHARE (accessor 99): there is no such accessor"},
         {SHARED "/_OTHER_SHARE", NULL, "node lcl: _OTHER_SHARE is missing"},
         {PRIMITIVE "/attributes/_OTHER_SHARE", "15", "tibia/bone: _OTHER_SHARE of a group that br"},
+        {PRIMITIVE "/attributes/_WEAR", "99", "_WEAR (accessor 99): there is no such accessor"},
+        {PRIMITIVE "/attributes/_WEAR", "0", "tibia/bone: _WEAR (accessor 0): not single floats"},
+        {MENISCUS "/_WEAR", "15", "group meniscus_medial is cuttable, so nothing of it can be w"},
+        {SHARED "/_WEAR", "15", "group lcl is neither bone nor cartilage, so nothing of it can"},
         {"meshes/0/primitives", "[]", "0 primitives"},
         {"meshes/0/extras", NULL, "targetNames"},
         {"meshes/0/extras/targetNames/0", "\"bend\"", "morph target \"bend\""},

@@ -37,8 +37,9 @@ export class Report {
 
   print(json) {
     const rows = [...this.marks.map((mark) => [...row(mark), `at most ${mark.mark}`, mark.holds ? "" : "MISSED"]), ...this.figures.map(row)];
-    for (const cells of rows) console.log(cells.map((cell, i) => cell.padEnd([52, 12, 12, 12][i] ?? 0)).join(" ").trimEnd());
-    if (json) console.log(JSON.stringify({ bench: "browser", marks: this.marks, figures: this.figures, tests: this.tests, retried: this.retried }));
+    const table = rows.map((cells) => cells.map((cell, i) => cell.padEnd([52, 12, 12, 12][i] ?? 0)).join(" ").trimEnd());
+    if (!json) console.log(table.join("\n"));
+    else console.log(JSON.stringify({ bench: "browser", marks: this.marks, figures: this.figures, tests: this.tests, retried: this.retried }));
   }
 }
 

@@ -16,20 +16,30 @@ function rendererName(): string {
   return name;
 }
 
-const FRAMES = 12;
-let screen: Promise<number> | undefined;
+const FRAMES = 13;
+const SLOWEST_MS = 1000 / 24; // slower is no screen
+let screen = 0;
+let measuring = false;
 
-/** From one picture of the screen to the next. First asked for before anything is drawn, so that nothing but the screen is slow. */
-export function screenMs(): Promise<number> {
-  return (screen ??= new Promise((resolve) => {
-    const times: number[] = [];
-    const next = (now: number): void => {
-      times.push(now);
-      if (times.length <= FRAMES) requestAnimationFrame(next);
-      else resolve(shortest(times));
-    };
-    requestAnimationFrame(next);
-  }));
+/** From one picture of the screen to the next; 0: not known yet. */
+export const screenMs = (): number => screen;
+
+/** While nothing is drawn, which `idle` tells. A window may have been moved to another screen: so again and again. */
+export function measureScreen(idle = (): boolean => true): void {
+  if (measuring) return;
+  measuring = true;
+  const times: number[] = [];
+  const next = (now: number): void => {
+    times.push(now);
+    measuring = idle() && times.length < FRAMES;
+    if (measuring) requestAnimationFrame(next);
+    else if (idle()) screen = Math.min(usualWait(times), SLOWEST_MS);
+  };
+  requestAnimationFrame(next);
 }
 
-const shortest = (times: number[]): number => Math.min(...times.slice(1).map((time, i) => time - times[i]!));
+// Of one that was late and of the next, which is early, neither counts.
+function usualWait(times: number[]): number {
+  const waits = times.slice(1).map((time, i) => time - times[i]!).sort((a, b) => a - b);
+  return waits[waits.length >> 1]!;
+}

@@ -3,7 +3,7 @@ import { render, type ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { Api, ApiError, type Account, type Role } from "./api";
 import type { App, View } from "./app";
-import { screenMs } from "./graphics";
+import { measureScreen } from "./graphics";
 import { Broken, Empty, Loading, Toasts, view } from "./kit";
 import { browserEnvironment, Feed } from "./live";
 import { parseRoute, type Route } from "./router";
@@ -167,7 +167,7 @@ const told = (title: string, state: ComponentChildren): View => view(({ app: { t
 });
 
 async function begin(): Promise<void> {
-  void screenMs();
+  measureScreen();
   const [page, toasts, announcements] = ["app", "toasts", "announcements"].map((id) => Object.assign(document.createElement("div"), { id }));
   toasts!.role = "status";
   announcements!.className = "unseen";

@@ -10,6 +10,7 @@ class Replay {
   readonly stage: ScopeStage;
   private time = 0;
   private pending = 0;
+  private moved = false; // since the last picture; else light alone goes on settling
   private readonly row = newRow();
 
   constructor(private readonly source: Source) {
@@ -41,7 +42,8 @@ class Replay {
     this.stage.load(session);
   }
 
-  private soon(): void {
+  private soon(moved = true): void {
+    this.moved ||= moved;
     this.pending ||= requestAnimationFrame((now) => {
       this.pending = 0;
       this.draw(now);
@@ -49,7 +51,8 @@ class Replay {
   }
 
   private draw(now: number): void {
-    this.stage.shown?.optic.resolution.move();
+    if (this.moved) this.stage.shown?.optic.resolution.move();
+    this.moved = false;
     this.render(now);
   }
 
@@ -73,7 +76,7 @@ class Replay {
     else this.stage.say("no scope", () => <Empty title={text.scope.noScope} />);
     this.stage.canvas.dataset.time = this.time.toFixed(2);
     optic.resolution.drawn(now);
-    if (more || (seen && !optic.settled)) this.soon();
+    if (more || (seen && !optic.settled)) this.soon(more);
     else optic.resolution.rest(() => this.render(performance.now()));
   }
 }

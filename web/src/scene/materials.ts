@@ -132,9 +132,9 @@ float noise3(vec3 x) {
   return mix(mix(mix(hash3(i), hash3(i + vec3(1, 0, 0)), f.x), mix(hash3(i + vec3(0, 1, 0)), hash3(i + vec3(1, 1, 0)), f.x), f.y),
     mix(mix(hash3(i + vec3(0, 0, 1)), hash3(i + vec3(1, 0, 1)), f.x), mix(hash3(i + vec3(0, 1, 1)), hash3(i + vec3(1, 1, 1)), f.x), f.y), f.z);
 }
-// Where noise crosses its mean; finer than a pixel, the line is paler instead.
-float lineAt(float noise, float width) {
-  float seen = max(width, 1.5 * fwidth(noise));
+// Where noise crosses its mean; finer than a pixel, of which noise changes by so much, the line is paler instead.
+float lineAt(float noise, float width, float pixel) {
+  float seen = max(width, 1.5 * pixel);
   return (1.0 - smoothstep(0.3 * seen, seen, abs(noise - 0.5))) * width / seen;
 }
 `;
@@ -205,19 +205,21 @@ const MORE = {
       diffuseColor.rgb *= mix(vec3(1.0), vec3(0.72, 0.3, 0.3), (1.0 - 0.6 * fat) * red) * mix(0.8, 1.08, fold);
       grain += mix(9.0 * fold, 12.0 * sqrt(lobule), fat);`,
   wear: `
-      float grade = 4.0 * (1.0 - vColor.a);
-      vec3 worn = ASKEW * vPlace + 0.4 * grain, finer = ASKEW * (2.3 * worn);
-      float patchy = noise3(0.6 * worn) - 0.5, fibres = noise3(finer * vec3(2.5, 0.8, 2.5));
-      float bare = smoothstep(3.1, 3.5, grade + 1.6 * patchy), whole = 1.0 - bare;
-      float width = 0.02 * grade, deep = whole * saturate(0.35 * grade);
-      float crack = deep * max(lineAt(noise3(0.45 * worn + 3.0), width), 0.7 * lineAt(noise3(0.5 * finer), width));
-      float fray = whole * smoothstep(1.2, 2.6, grade + patchy);
-      float blood = smoothstep(0.74, 0.8, noise3(1.3 * finer + 7.0));
-      diffuseColor.rgb *= mix(vec3(1.0), vec3(0.97, 0.88, 0.72), saturate(0.4 * grade));
-      diffuseColor.rgb *= mix(vec3(1.0), vec3(0.62, 0.48, 0.38), crack) * mix(1.0, 0.85 + 0.25 * fibres, fray);
-      diffuseColor.rgb = mix(diffuseColor.rgb, mix(vec3(0.8, 0.6, 0.44), vec3(0.62, 0.2, 0.16), blood), bare);
-      gloss -= 0.6 * fray + 0.4 * bare;
-      grain += 1.5 * fray * fibres - 1.5 * crack + 1.5 * bare * patchy;`,
+      float grade = 4.0 * (1.0 - vColor.a), pixel = 0.5 * length(fwidth(vPlace));
+      if (grade > 0.02) {
+        vec3 worn = ASKEW * vPlace + 0.4 * grain, finer = ASKEW * (2.3 * worn);
+        float patchy = noise3(0.6 * worn) - 0.5, fibres = noise3(finer * vec3(2.5, 0.8, 2.5));
+        float bare = smoothstep(3.1, 3.5, grade + 1.6 * patchy), whole = 1.0 - bare;
+        float width = 0.02 * grade, deep = whole * saturate(0.35 * grade);
+        float crack = deep * max(lineAt(noise3(0.45 * worn + 3.0), width, 0.45 * pixel), 0.7 * lineAt(noise3(0.5 * finer), width, 1.15 * pixel));
+        float fray = whole * smoothstep(1.2, 2.6, grade + patchy);
+        float blood = smoothstep(0.74, 0.8, noise3(1.3 * finer + 7.0));
+        diffuseColor.rgb *= mix(vec3(1.0), vec3(0.97, 0.88, 0.72), saturate(0.4 * grade));
+        diffuseColor.rgb *= mix(vec3(1.0), vec3(0.62, 0.48, 0.38), crack) * mix(1.0, 0.85 + 0.25 * fibres, fray);
+        diffuseColor.rgb = mix(diffuseColor.rgb, mix(vec3(0.8, 0.6, 0.44), vec3(0.62, 0.2, 0.16), blood), bare);
+        gloss -= 0.6 * fray + 0.4 * bare;
+        grain += 1.5 * fray * fibres - 1.5 * crack + 1.5 * bare * patchy;
+      }`,
   fray: `
       float raw = 1.0 - vColor.a, fray = 0.0;
       if (raw > 0.0) fray = noise3(ASKEW * vPlace * vec3(6.0, 6.0, 2.0));

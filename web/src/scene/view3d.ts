@@ -2,7 +2,7 @@
 // sixtieth of a second (or than the screen's own time): the picture follows the hands. Once nothing changes any more
 // it is drawn finely.
 import { AmbientLight, DirectionalLight, PerspectiveCamera, Raycaster, Scene, SRGBColorSpace, Vector2, WebGLRenderer } from "three";
-import { drawnBySoftware, screenMs } from "../graphics";
+import { drawnBySoftware, measureScreen, screenMs } from "../graphics";
 import { h } from "../ui";
 import type { Joint, Marker } from "./joint";
 import { Orbit } from "./orbit";
@@ -40,12 +40,14 @@ export class AdaptiveResolution {
   private grown = false; // by it
   private still = false;
   private timer: ReturnType<typeof setTimeout> | undefined;
-  private held = HELD_MS;
   private spent = FAST * HELD_MS;
 
-  constructor(private readonly finest = Math.min(devicePixelRatio, 2), coarse = drawnBySoftware(), screen = screenMs()) {
+  constructor(private readonly finest = Math.min(devicePixelRatio, 2), coarse = drawnBySoftware()) {
     this.moving = coarse ? COARSEST * finest : finest;
-    void screen.then((ms) => (this.held = Math.max(HELD_MS, ms)));
+  }
+
+  private get held(): number {
+    return Math.max(HELD_MS, screenMs());
   }
 
   get value(): number {
@@ -88,6 +90,7 @@ export class AdaptiveResolution {
     this.timer = setTimeout(() => {
       this.still = true;
       draw();
+      measureScreen(() => this.still);
     }, STILL_MS);
   }
 

@@ -45,6 +45,7 @@ export class LiveScope {
   private readonly near = newRow(); // the poses to draw: the station's own if it sends any, else the server's
   private readonly drawn = newRow();
   private dirty = true; // something other than poses has changed
+  private settling = false; // light alone goes on
 
   /** It watches from now on. `settings`: as they were kept. */
   constructor(private readonly name: string, private readonly app: App, private settings: Settings, private readonly place: ScopePlace | undefined) {
@@ -121,8 +122,9 @@ export class LiveScope {
       packView(station.newest!, this.near);
       carryLoose(this.row, this.near);
     } else this.near.set(this.row);
-    if (!this.dirty && sameRow(this.near, this.drawn) && !runs(this.near)) return;
-    shown.optic.resolution.move();
+    const stands = !this.dirty && sameRow(this.near, this.drawn) && !runs(this.near);
+    if (stands && !this.settling) return;
+    if (!stands) shown.optic.resolution.move();
     this.render(now);
     if (station) this.stage.canvas.dataset.drawn = String(station.newest!.number);
   }
@@ -148,7 +150,8 @@ export class LiveScope {
     this.drawnAt = now;
     if (seen) this.stage.showPicture();
     else if (this.source.history.count) this.sayInstead();
-    if (more || (seen && !optic.settled)) this.soon();
+    this.settling = seen && !optic.settled;
+    if (more || this.settling) this.soon(more);
     else optic.resolution.rest(() => this.render(performance.now()));
   }
 

@@ -222,6 +222,11 @@ bool case_group_wears(const struct case_group *group) {
     return (kind == TISSUE_BONE || kind == TISSUE_CARTILAGE) && !group->cuttable;
 }
 
+void case_group_make_whole(struct case_group *group) {
+    free(group->wear);
+    group->wear = NULL;
+}
+
 float *case_group_need_wear(struct case_group *group) {
     if (!group->wear)
         group->wear = alloc(group->mesh.vertex_count, sizeof *group->wear);

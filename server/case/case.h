@@ -216,6 +216,7 @@ float *case_group_need_warp(struct case_group *group);
 float *case_group_need_maxcut(struct case_group *group);
 float *case_group_need_covered(struct case_group *group); // as these
 float *case_group_need_wear(struct case_group *group);
+void case_group_make_whole(struct case_group *group); // nothing of it is worn any more
 
 // Makes the group bridge from its body to another one, with shares of 0. It must not do so yet. Of
 // no other kind it is a ligament from now on.

@@ -227,5 +227,7 @@ enum result add_tissue_apply(struct knee_case *knee, const char *name,
     if (!group)
         return fail(err, RESULT_MISSING, "the case has no group %s; a new one needs a path", name);
     describe(group, step);
+    if (!case_group_wears(group))
+        case_group_make_whole(group);
     return case_validate(knee, err);
 }

@@ -7,14 +7,14 @@ static double share_at(double distance, double radius) {
     return t * t * (3 - 2 * t);
 }
 
-// Whether any of it lies in the patch.
+// Whether any of it that can be seen lies in the patch.
 static bool wear_group(struct case_group *group, vec3 middle, const struct wear_patch *patch) {
     bool met = false;
     for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
         double distance = vec3_distance(mesh_vertex(&group->mesh, v), middle);
         if (distance >= patch->radius_mm)
             continue;
-        met = true;
+        met |= !group->covered || !group->covered[v];
         float *wear = &case_group_need_wear(group)[v];
         *wear = fmaxf(*wear, (float)(patch->grade * share_at(distance, patch->radius_mm)));
     }

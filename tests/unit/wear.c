@@ -98,6 +98,19 @@ static void what_nothing_of_wears_is_told(void **state) {
     case_destroy(&knee);
 }
 
+// A bone below cartilage of another kind, which hides it.
+static void what_is_hidden_is_no_wear(void **state) {
+    (void)state;
+    struct knee_case *knee = plate_knee();
+    struct case_group *tibia = case_group(knee, "tibia");
+    float *covered = case_group_need_covered(tibia);
+    for (uint32_t v = 0; v < tibia->mesh.vertex_count; v++)
+        covered[v] = vec3_length(mesh_vertex(&tibia->mesh, v)) < 7;
+    assert_int_equal(wear(knee, (struct wear_patch){{0, 0, 0}, 6, 4}), RESULT_MISSING);
+    assert_ok(wear(knee, (struct wear_patch){{2, 0, 0}, 6, 4}));
+    case_destroy(&knee);
+}
+
 // A flap of cartilage that instruments take off, over a bone that wears.
 static void what_can_be_cut_stays_whole(void **state) {
     (void)state;
@@ -154,6 +167,21 @@ static void grades_that_there_are_not_are_refused(void **state) {
     case_group_need_wear(case_group(knee, "lcl"));
     assert_int_equal(case_validate(knee, &err), RESULT_INVALID);
     assert_non_null(strstr(err.text, "lcl is neither bone nor cartilage"));
+    case_destroy(&knee);
+}
+
+static void a_tissue_of_another_kind_is_whole(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    struct pathology step;
+    pathology_init(&step, PATHOLOGY_TISSUE, "patella");
+    case_group_need_wear(case_group(knee, "patella"))[0] = 3;
+    assert_ok(pathology_take(&step, "label", "A kneecap", &err));
+    assert_ok(pathology_apply(knee, &step, 1, &err));
+    assert_non_null(case_group(knee, "patella")->wear);
+    assert_ok(pathology_take(&step, "kind", "other", &err));
+    assert_ok(pathology_apply(knee, &step, 1, &err));
+    assert_null(case_group(knee, "patella")->wear);
     case_destroy(&knee);
 }
 
@@ -291,6 +319,8 @@ int main(void) {
         cmocka_unit_test(a_second_patch_never_makes_cartilage_better),
         cmocka_unit_test(wear_beside_the_bone_is_refused),
         cmocka_unit_test(what_nothing_of_wears_is_told),
+        cmocka_unit_test(what_is_hidden_is_no_wear),
+        cmocka_unit_test(a_tissue_of_another_kind_is_whole),
         cmocka_unit_test(what_can_be_cut_stays_whole),
         cmocka_unit_test(a_case_keeps_wear_part_by_part),
         cmocka_unit_test(parts_without_wear_are_whole),

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/check.h"
+#include "base/extremes.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -10,15 +11,6 @@
 // Memory for at least `need` items: as it is, or moved and doubled. *room follows.
 void *array_grow(void *memory, uint32_t *room, uint32_t need, size_t size);
 void *array_copy(const void *memory, size_t count, size_t size); // NULL where the count is 0
-
-// As fmin and fmax of numbers, without a call.
-static inline double lower(double a, double b) {
-    return a < b ? a : b;
-}
-
-static inline double higher(double a, double b) {
-    return a > b ? a : b;
-}
 
 struct ids {
     uint32_t *at;

@@ -6,13 +6,71 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { TOUCHED, TISSUE, MESHES };
 
-// Both on one lattice: two more points, which no triangle uses, give them the same box.
-static void columns_of(const struct mesh *mesh, struct box box, double step_mm,
+// ---- where both differ --------------------------------------------------------------------------
+
+static bool is_same(const struct mismatch_setting *s, uint32_t triangle, uint32_t touched) {
+    for (int i = 0; i < 3; i++) {
+        vec3 a = mesh_corner(s->tissue, triangle, i), b = mesh_corner(s->touched, touched, i);
+        if (a.x != b.x || a.y != b.y || a.z != b.z)
+            return false;
+    }
+    return true;
+}
+
+static void extend(struct box *box, const struct mesh *mesh, uint32_t triangle) {
+    for (int i = 0; i < 3; i++) {
+        vec3 p = mesh_corner(mesh, triangle, i);
+        *box = box_around(*box, (struct box){p, p});
+    }
+}
+
+// Around all triangles that one of both has alone: beside them no column tells of a difference.
+// Empty (min above max) where there is none.
+static struct box box_of_difference(const struct mismatch_setting *s) {
+    struct box box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+    bool *kept = alloc(s->touched->triangle_count, sizeof *kept);
+    for (uint32_t t = 0; t < s->tissue->triangle_count; t++) {
+        uint32_t id = s->triangle_ids ? s->triangle_ids[t] : MESH_NONE;
+        if (id < s->touched->triangle_count && is_same(s, t, id))
+            kept[id] = true;
+        else
+            extend(&box, s->tissue, t);
+    }
+    for (uint32_t t = 0; t < s->touched->triangle_count; t++)
+        if (!kept[t])
+            extend(&box, s->touched, t);
+    free(kept);
+    return box;
+}
+
+static bool is_over(const struct mesh *mesh, uint32_t triangle, struct box box) {
+    struct box own = {mesh_corner(mesh, triangle, 0), mesh_corner(mesh, triangle, 0)};
+    extend(&own, mesh, triangle);
+    return own.min.x <= box.max.x && own.max.x >= box.min.x && own.min.y <= box.max.y &&
+           own.max.y >= box.min.y;
+}
+
+static void take_over(const struct mesh *mesh, struct box where, struct mesh *out) {
+    out->triangle_count = 0;
+    out->triangles = alloc(3 * (size_t)mesh->triangle_count, sizeof *out->triangles);
+    for (uint32_t t = 0; t < mesh->triangle_count; t++)
+        if (is_over(mesh, t, where))
+            memcpy(out->triangles + 3 * (size_t)out->triangle_count++,
+                   mesh->triangles + 3 * (size_t)t, 3 * sizeof *out->triangles);
+}
+
+// ---- columns ------------------------------------------------------------------------------------
+
+// Of the triangles over a box, both on one lattice: two more points, which no triangle uses, give
+// them the same bounds.
+static void columns_of(const struct mesh *mesh, struct box where, struct box box, double step_mm,
                        struct columns *out) {
     struct mesh placed = *mesh;
+    take_over(mesh, where, &placed);
     vec3 *points = alloc((size_t)mesh->vertex_count + 2, sizeof *points);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         points[v] = mesh_vertex(mesh, v);
@@ -20,11 +78,7 @@ static void columns_of(const struct mesh *mesh, struct box box, double step_mm,
     points[placed.vertex_count++] = box.max;
     columns_init(out, &placed, points, step_mm);
     free(points);
-}
-
-static struct box box_around(struct box a, struct box b) {
-    return (struct box){{fmin(a.min.x, b.min.x), fmin(a.min.y, b.min.y), fmin(a.min.z, b.min.z)},
-                        {fmax(a.max.x, b.max.x), fmax(a.max.y, b.max.y), fmax(a.max.z, b.max.z)}};
+    free(placed.triangles);
 }
 
 // ---- a column -----------------------------------------------------------------------------------
@@ -107,15 +161,24 @@ static void add_column(const struct columns columns[MESHES], size_t index,
     }
 }
 
+static bool is_empty(const struct columns *columns, size_t index) {
+    return columns->first[index] == columns->first[index + 1];
+}
+
 void mismatch_measure(const struct mismatch_setting *s, struct mismatch *out) {
     struct columns columns[MESHES];
     struct box box = box_around(mesh_bounds(s->touched), mesh_bounds(s->tissue));
+    struct box where = box_of_difference(s);
     struct span *clefts = alloc((size_t)s->cleft_count, sizeof *clefts);
-    columns_of(s->touched, box, s->step_mm, &columns[TOUCHED]);
-    columns_of(s->tissue, box, s->step_mm, &columns[TISSUE]);
+    where.min = vec3_sub(where.min, (vec3){s->step_mm, s->step_mm, 0});
+    where.max = vec3_add(where.max, (vec3){s->step_mm, s->step_mm, 0});
+    columns_of(s->touched, where, box, s->step_mm, &columns[TOUCHED]);
+    columns_of(s->tissue, where, box, s->step_mm, &columns[TISSUE]);
     *out = (struct mismatch){0};
     size_t nx = (size_t)columns->nx, count = nx * (size_t)columns->ny;
     for (size_t c = 0; c < count; c++) {
+        if (is_empty(&columns[TOUCHED], c) && is_empty(&columns[TISSUE], c))
+            continue;
         double x = columns->x + s->step_mm * (double)(c % nx);
         double y = columns->y + s->step_mm * (double)(c / nx);
         add_column(columns, c, clefts, clefts_over(s, x, y, clefts), out);

@@ -14,7 +14,9 @@ struct mismatch_setting {
     const struct mesh *touched, *tissue;
     const struct convex *clefts;
     int cleft_count;
-    double step_mm; // between the columns along z on which they are compared
+    double step_mm;               // between the columns along z on which they are compared
+    const uint32_t *triangle_ids; // of each triangle of the tissue: the one of S'' that it may be,
+                                  // or a number that none has; NULL: nobody knows
 };
 
 void mismatch_measure(const struct mismatch_setting *setting, struct mismatch *out_mismatch);

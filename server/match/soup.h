@@ -2,17 +2,9 @@
 // box. Of triangles at equal distance the one added first counts. Millimetres.
 #pragma once
 
+#include "base/extremes.h"
 #include "mesh/eights.h"
 #include "mesh/mesh.h"
-
-// As fmin and fmax of numbers, without a call.
-static inline double lower(double a, double b) {
-    return a < b ? a : b;
-}
-
-static inline double higher(double a, double b) {
-    return a > b ? a : b;
-}
 
 struct soup_triangle {
     vec3 corners[3];

@@ -45,16 +45,6 @@ static bool height_over(const vec3 *points, const uint32_t *t, double x, double 
     return true;
 }
 
-static double least(double a, double b, double c) {
-    double low = a < b ? a : b;
-    return low < c ? low : c;
-}
-
-static double most(double a, double b, double c) {
-    double high = a > b ? a : b;
-    return high > c ? high : c;
-}
-
 // As ceil and floor, without a call.
 static int round_up(double x) {
     int i = (int)x;
@@ -70,10 +60,10 @@ static void cross_triangle(const struct columns *columns, const vec3 *points, co
                            struct crossings *crossings) {
     vec3 a = points[t[0]], b = points[t[1]], c = points[t[2]];
     double step = columns->step, z;
-    int i0 = round_up((least(a.x, b.x, c.x) - columns->x) / step);
-    int i1 = round_down((most(a.x, b.x, c.x) - columns->x) / step);
-    int j0 = round_up((least(a.y, b.y, c.y) - columns->y) / step);
-    int j1 = round_down((most(a.y, b.y, c.y) - columns->y) / step);
+    int i0 = round_up((lower(lower(a.x, b.x), c.x) - columns->x) / step);
+    int i1 = round_down((higher(higher(a.x, b.x), c.x) - columns->x) / step);
+    int j0 = round_up((lower(lower(a.y, b.y), c.y) - columns->y) / step);
+    int j1 = round_down((higher(higher(a.y, b.y), c.y) - columns->y) / step);
     for (int j = j0; j <= j1; j++)
         for (int i = i0; i <= i1; i++)
             if (height_over(points, t, columns->x + i * step, columns->y + j * step, &z))
@@ -84,8 +74,8 @@ static void place_lattice(struct columns *columns, const struct mesh *mesh, cons
                           double step) {
     vec3 low = points[0], high = points[0];
     for (uint32_t v = 1; v < mesh->vertex_count; v++) {
-        low = (vec3){fmin(low.x, points[v].x), fmin(low.y, points[v].y), 0};
-        high = (vec3){fmax(high.x, points[v].x), fmax(high.y, points[v].y), 0};
+        low = (vec3){lower(low.x, points[v].x), lower(low.y, points[v].y), 0};
+        high = (vec3){higher(high.x, points[v].x), higher(high.y, points[v].y), 0};
     }
     int nx = (int)ceil((high.x - low.x) / step) + 1, ny = (int)ceil((high.y - low.y) / step) + 1;
     *columns = (struct columns){.x = (low.x + high.x - (nx - 1) * step) / 2,

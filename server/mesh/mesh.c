@@ -91,8 +91,7 @@ struct box mesh_bounds(const struct mesh *mesh) {
     struct box box = {mesh_vertex(mesh, 0), mesh_vertex(mesh, 0)};
     for (uint32_t i = 1; i < mesh->vertex_count; i++) {
         vec3 p = mesh_vertex(mesh, i);
-        box.min = (vec3){fmin(box.min.x, p.x), fmin(box.min.y, p.y), fmin(box.min.z, p.z)};
-        box.max = (vec3){fmax(box.max.x, p.x), fmax(box.max.y, p.y), fmax(box.max.z, p.z)};
+        box = box_around(box, (struct box){p, p});
     }
     return box;
 }

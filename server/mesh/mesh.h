@@ -1,6 +1,7 @@
 // A triangle mesh as flat arrays: the input and output of every kernel.
 #pragma once
 
+#include "base/extremes.h"
 #include "base/pose.h"
 #include "base/result.h"
 
@@ -47,6 +48,12 @@ uint32_t mesh_nearest_vertex(const struct mesh *mesh, vec3 p); // the mesh must 
 struct box {
     vec3 min, max;
 };
+
+static inline struct box box_around(struct box a, struct box b) {
+    return (struct box){
+        {lower(a.min.x, b.min.x), lower(a.min.y, b.min.y), lower(a.min.z, b.min.z)},
+        {higher(a.max.x, b.max.x), higher(a.max.y, b.max.y), higher(a.max.z, b.max.z)}};
+}
 
 // The mesh must have a vertex.
 struct box mesh_bounds(const struct mesh *mesh);

@@ -27,13 +27,20 @@ static void touched_mesh(const struct operated_tissue *t, struct mesh *out_mesh)
 void operated_measure_mismatch(struct operated_tissue *t) {
     struct mesh touched, tissue;
     struct mismatch mismatch;
+    uint32_t *ids;
     touched_mesh(t, &touched);
-    cut_mesh_flatten(t->now.mesh, &tissue, NULL, NULL);
+    cut_mesh_flatten(t->now.mesh, &tissue, NULL, &ids);
     const struct case_region *tear = &t->group->lesion.tear;
-    struct mismatch_setting setting = {&touched, &tissue, tear->parts, tear->part_count, COLUMN_MM};
+    struct mismatch_setting setting = {.touched = &touched,
+                                       .tissue = &tissue,
+                                       .clefts = tear->parts,
+                                       .cleft_count = tear->part_count,
+                                       .step_mm = COLUMN_MM,
+                                       .triangle_ids = ids};
     mismatch_measure(&setting, &mismatch);
     t->now.figures.touched_unseen_mm3 = mismatch.touched_mm3;
     t->now.figures.seen_untouched_mm3 = mismatch.seen_mm3;
+    free(ids);
     mesh_fini(&touched);
     mesh_fini(&tissue);
 }
@@ -48,8 +55,10 @@ void operation_mismatch(const struct operation *operation, int tissue, double *o
     uint32_t *ids;
     touched_mesh(t, &touched);
     cut_mesh_flatten(operated_mesh(t), &seen, &ids, NULL);
-    struct mismatch_setting setting = {&touched, &seen, tear->parts, closed ? tear->part_count : 0,
-                                       COLUMN_MM};
+    struct mismatch_setting setting = {.touched = &touched,
+                                       .tissue = &seen,
+                                       .clefts = tear->parts,
+                                       .cleft_count = closed ? tear->part_count : 0};
     double *mm = alloc(seen.vertex_count, sizeof *mm);
     mismatch_at_vertices(&setting, ids, mm);
     memset(out_mm, 0, cut_mesh_vertex_bound(operated_mesh(t)) * sizeof *out_mm);

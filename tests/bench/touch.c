@@ -84,7 +84,7 @@ static void follow(struct touched *t, const struct cut_change *change) {
     uint32_t *ids;
     cut_mesh_flatten(t->cut, &mesh, NULL, &ids);
     bool *fresh = fresh_of(t->cut, change, ids, mesh.triangle_count);
-    struct conform_target target = {&mesh, fresh, change->volume_mm3, true};
+    struct conform_target target = {&mesh, fresh, change->volume_mm3, true, true};
     struct conform_report report;
     double begin = thread_ms();
     conform_to(t->conform, &target, &report);
@@ -160,7 +160,11 @@ static enum result distances(const struct mesh *touched, const bool *moved, cons
 static struct mismatch mismatch_of(const struct mesh *touched, const struct mesh *cut,
                                    const struct case_region *tear) {
     struct mismatch m;
-    struct mismatch_setting setting = {touched, cut, tear->parts, tear->part_count, COLUMN_MM};
+    struct mismatch_setting setting = {.touched = touched,
+                                       .tissue = cut,
+                                       .clefts = tear->parts,
+                                       .cleft_count = tear->part_count,
+                                       .step_mm = COLUMN_MM};
     mismatch_measure(&setting, &m);
     return m;
 }

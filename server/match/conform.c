@@ -9,6 +9,24 @@
 
 #define TOLERANCE 1e-12 // of the whole volume
 
+static const struct conform_plan thorough = {
+    .beside_mm = 2,
+    .pass_count = 5,
+    .passes = {{3, 1e-8, 4}, {1.28, 1e-8, 4}, {0.55, 1e-8, 4}, {0.23, 1e-8, 4}, {0.1, 1e-8, 4}},
+    .soft = {0.03, 1e-8, 4},
+    .way_energy = 1e-8,
+};
+
+// The middles of triangles tell enough until a repair, and a rough solution does.
+static const struct conform_plan quick = {
+    .beside_mm = 1,
+    .beside_edges = 2,
+    .pass_count = 4,
+    .passes = {{1, 1e-2, 1}, {0.37, 1e-2, 1}, {0.136, 1e-2, 1}, {0.05, 1e-3, 1}},
+    .soft = {0.03, 1e-3, 4},
+    .way_energy = 1e-2,
+};
+
 // ---- life ---------------------------------------------------------------------------------------
 
 #define NEW(array, count) ((array) = alloc((count), sizeof *(array)))
@@ -153,16 +171,15 @@ static void report_changes(struct conform *c, struct conform_report *out) {
 }
 
 static void fit(struct conform *c, const struct conform_goal *goal, struct conform_report *out) {
-    static const double stiffness[] = {3, 1.28, 0.55, 0.23, 0.1};
-    const int last = sizeof stiffness / sizeof stiffness[0] - 1;
+    const struct conform_plan *plan = c->plan;
     for (uint32_t v = 0; v < c->surface->vertex_count; v++) {
         c->trust[v] = 1;
         c->bend[v] = 0;
     }
     conform_begin_system(c);
     conform_take_samples(c);
-    for (int i = 0; i <= last; i++)
-        conform_advance(c, stiffness[i], i == last ? goal : NULL);
+    for (int i = 0; i < plan->pass_count; i++)
+        conform_advance(c, &plan->passes[i], i + 1 == plan->pass_count ? goal : NULL);
     conform_untangle(c, goal, out);
 }
 
@@ -170,6 +187,7 @@ void conform_to(struct conform *conform, const struct conform_target *target,
                 struct conform_report *out_report) {
     struct conform *c = conform;
     CHECK(isfinite(target->volume_mm3));
+    c->plan = target->quickly ? &quick : &thorough;
     memcpy(c->before, c->positions, c->surface->vertex_count * sizeof *c->before);
     memcpy(c->sound, c->positions, c->surface->vertex_count * sizeof *c->sound);
     memcpy(c->dirty_before, c->dirty, c->surface->vertex_count * sizeof *c->dirty_before);

@@ -44,6 +44,7 @@ struct conform_target {
     const bool *fresh;       // its triangles that the cut made
     double volume_mm3;       // that S'' is to have, beside the sheet
     bool lays;               // S'' is laid down where nothing is left
+    bool quickly;            // in fewer and rougher steps, to as good a fit
 };
 
 struct conform_report {

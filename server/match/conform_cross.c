@@ -62,10 +62,12 @@ static bool edges_pierce(const struct conform *c, uint32_t a, uint32_t b) {
     const vec3 *from = c->self.at[a].corners, *through = c->self.at[b].corners;
     bool shared[3];
     int sides[3];
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++)
         shared[i] = has_corner(vb, va[i]);
+    if (shared[0] + shared[1] + shared[2] > 1)
+        return false; // no edge is left
+    for (int i = 0; i < 3; i++)
         sides[i] = shared[i] ? 0 : side_of(through[0], through[1], through[2], from[i]);
-    }
     for (int i = 0; i < 3; i++) {
         int k = (i + 1) % 3;
         if (!shared[i] && !shared[k] && pierces(from[i], from[k], sides[i], sides[k], through))

@@ -7,13 +7,12 @@
 #include <string.h>
 
 #define ITERATIONS_MAX 40
-#define ENERGY 1e-8
 
 #define LANES_INLINE static inline __attribute__((always_inline))
 
-// out: matrix⁻¹ right.
-void conform_gradients_plain(struct conform *c, const vec3 *right, vec3 *out);
-void conform_gradients_avx2(struct conform *c, const vec3 *right, vec3 *out);
+// As conform_solve.
+void conform_gradients_plain(struct conform *c, const vec3 *right, double energy, vec3 *out);
+void conform_gradients_avx2(struct conform *c, const vec3 *right, double energy, vec3 *out);
 
 LANES_INLINE void apply(const struct columns3 *m, const quad *v, quad *out) {
     *out = m->of[0] * (*v)[0] + m->of[1] * (*v)[1] + m->of[2] * (*v)[2];
@@ -93,11 +92,11 @@ LANES_INLINE double precondition(struct conform *c) {
     return dot(c->residual, c->preconditioned, c->active_count);
 }
 
-LANES_INLINE void descend(struct conform *c) {
+LANES_INLINE void descend(struct conform *c, double share) {
     uint32_t count = c->active_count;
-    double energy = precondition(c), start = energy;
+    double energy = precondition(c), least = share * energy;
     memcpy(c->direction, c->preconditioned, count * sizeof *c->direction);
-    for (int i = 0; i < ITERATIONS_MAX && energy > ENERGY * start; i++) {
+    for (int i = 0; i < ITERATIONS_MAX && energy > least; i++) {
         multiply(c, c->direction, c->product);
         double curvature = dot(c->direction, c->product, count);
         if (!(curvature > 0))
@@ -122,7 +121,7 @@ LANES_INLINE void columns_of(const struct sym3 *m, uint32_t count, struct column
                                     {m[i].xz, m[i].yz, m[i].zz, 0}}};
 }
 
-LANES_INLINE void solve(struct conform *c, const vec3 *right, vec3 *out) {
+LANES_INLINE void solve(struct conform *c, const vec3 *right, double energy, vec3 *out) {
     uint32_t count = c->active_count;
     columns_of(c->blocks, c->first[count], c->block_columns);
     columns_of(c->diagonal, count, c->diagonal_columns);
@@ -132,7 +131,7 @@ LANES_INLINE void solve(struct conform *c, const vec3 *right, vec3 *out) {
         c->solution[i] = (quad){0};
         c->residual[i] = (quad){right[i].x, right[i].y, right[i].z, 0};
     }
-    descend(c);
+    descend(c, energy);
     for (uint32_t i = 0; i < count; i++)
         out[i] = (vec3){c->solution[i][0], c->solution[i][1], c->solution[i][2]};
 }

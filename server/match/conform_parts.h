@@ -70,11 +70,29 @@ struct triangle_rows {
     vec3 gradient[3];
 };
 
+// One Gauss-Newton step, and how exactly it is solved.
+struct conform_pass {
+    double stiffness; // of the step
+    double energy;    // conjugate gradients end at this share of their first energy
+    int pulls;        // of each live triangle, the middle's at least
+};
+
+#define PASSES_MAX 5
+
+struct conform_plan {
+    double beside_mm, beside_edges; // around all that may move, the larger of both
+    int pass_count;
+    struct conform_pass passes[PASSES_MAX];
+    struct conform_pass soft; // of repairs
+    double way_energy;        // as a pass's, of the way to equal volume
+};
+
 struct conform {
     const struct match_surface *surface;
-    vec3 *positions; // S''
-    uint8_t *dirty;  // cuts for which a vertex that has moved is looked at again
-    double *laid;    // how much of the way down to the sheet a vertex has gone: 0 to 1
+    const struct conform_plan *plan; // of the call that runs
+    vec3 *positions;                 // S''
+    uint8_t *dirty;                  // cuts for which a vertex that has moved is looked at again
+    double *laid; // how much of the way down to the sheet a vertex has gone: 0 to 1
 
     // The call that runs. By vertex:
     vec3 *before; // S'' before it,
@@ -149,7 +167,8 @@ void conform_leave_out_films(struct conform *c);
 
 // ---- rows: conform_rows.c ----
 void conform_take_samples(struct conform *c);
-void conform_find_rows(struct conform *c, double stiffness); // the system's matrix and gradient
+// The system's matrix and gradient.
+void conform_find_rows(struct conform *c, const struct conform_pass *pass);
 
 // ---- thin tissue: conform_contacts.c ----
 void conform_find_contacts(struct conform *c);
@@ -160,8 +179,9 @@ void conform_begin_system(struct conform *c);
 void conform_clear_system(struct conform *c);
 void conform_add_rows(struct conform *c);
 void conform_add_smoothing(struct conform *c, double stiffness);
-// out: matrix⁻¹ right, by conjugate gradients. right and out: by active vertex.
-void conform_solve(struct conform *c, const vec3 *right, vec3 *out);
+// out: matrix⁻¹ right, by conjugate gradients, to a share of their first energy. right and out: by
+// active vertex.
+void conform_solve(struct conform *c, const vec3 *right, double energy, vec3 *out);
 
 // ---- equal volume: conform_volume.c ----
 double conform_live_volume(const struct conform *c); // mm³ under the live triangles
@@ -172,7 +192,8 @@ void conform_settle(struct conform *c, double wanted_mm3, double tolerance_mm3);
 struct conform_goal {
     double live_mm3, tolerance_mm3; // of the volume under the live triangles
 };
-void conform_advance(struct conform *c, double stiffness, const struct conform_goal *goal);
+void conform_advance(struct conform *c, const struct conform_pass *pass,
+                     const struct conform_goal *goal);
 void conform_untangle(struct conform *c, const struct conform_goal *goal,
                       struct conform_report *out_report);
 

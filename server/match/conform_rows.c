@@ -70,7 +70,7 @@ static void aim(struct row *row, const struct soup_closest *closest, vec3 normal
     row->rest = vec3_dot(row->normal, apart);
 }
 
-static void pull_triangle(struct conform *c, uint32_t live) {
+static void pull_triangle(struct conform *c, uint32_t live, int pulls) {
     const uint32_t *v = c->surface->triangles + 3 * (size_t)c->live[live];
     vec3 corners[3], normals[3];
     conform_corners(c, c->live[live], corners);
@@ -78,8 +78,8 @@ static void pull_triangle(struct conform *c, uint32_t live) {
         normals[i] = c->normals[v[i]];
     double area = 0.5 * vec3_length(soup_area2(corners));
     uint32_t hint = MESH_NONE;
-    for (int i = 0; i < PULLS_PER_TRIANGLE; i++) {
-        struct row row = {.live = live, .weight = higher(area, AREA_MIN) / PULLS_PER_TRIANGLE};
+    for (int i = PULLS_PER_TRIANGLE - pulls; i < PULLS_PER_TRIANGLE; i++) {
+        struct row row = {.live = live, .weight = higher(area, AREA_MIN) / pulls};
         struct soup_closest closest;
         pull_shares(i, row.shares);
         vec3 p = mix(row.shares, corners);
@@ -185,16 +185,16 @@ static void pull_sample(struct conform *c, struct sample *s, uint32_t *hint) {
     add_row(c, &row);
 }
 
-void conform_find_rows(struct conform *c, double stiffness) {
+void conform_find_rows(struct conform *c, const struct conform_pass *pass) {
     memset(c->rows, 0, c->live_count * sizeof *c->rows);
     conform_make_self(c);
     for (uint32_t i = 0; i < c->live_count; i++)
-        pull_triangle(c, i);
+        pull_triangle(c, i, pass->pulls);
     uint32_t hint = MESH_NONE;
     for (uint32_t i = 0; i < c->sample_count; i++)
         pull_sample(c, &c->samples[i], &hint);
     conform_find_contacts(c);
     conform_clear_system(c);
     conform_add_rows(c);
-    conform_add_smoothing(c, stiffness);
+    conform_add_smoothing(c, pass->stiffness);
 }

@@ -4,7 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-#define SOFT 0.03 // stiffness of the last steps
 #define ROUNDS 9
 #define REFITS 4
 #define HALVINGS 5
@@ -12,11 +11,12 @@
 #define SETTLE_ROUNDS 12
 #define STILL_MM 0.02 // a step as short changes nothing
 
-void conform_advance(struct conform *c, double stiffness, const struct conform_goal *goal) {
-    conform_find_rows(c, stiffness);
+void conform_advance(struct conform *c, const struct conform_pass *pass,
+                     const struct conform_goal *goal) {
+    conform_find_rows(c, pass);
     for (uint32_t i = 0; i < c->active_count; i++)
         c->bent[i] = vec3_scale(-1, c->gradient[i]);
-    conform_solve(c, c->bent, c->step);
+    conform_solve(c, c->bent, pass->energy, c->step);
     conform_limit(c, c->step);
     for (uint32_t i = 0; i < c->active_count; i++) {
         vec3 *p = &c->positions[c->active[i]];
@@ -97,7 +97,7 @@ uint32_t conform_go_back(struct conform *c, int halvings) {
 // False: it is at its end.
 static bool refit(struct conform *c, const struct conform_goal *goal) {
     double longest = 0;
-    conform_advance(c, SOFT, goal);
+    conform_advance(c, &c->plan->soft, goal);
     for (uint32_t i = 0; i < c->active_count; i++)
         longest = higher(longest, vec3_length(c->step[i]));
     return conform_go_back(c, HALVINGS) < c->active_count && longest > STILL_MM;
@@ -111,7 +111,7 @@ static bool is_reached(const struct conform *c, const struct conform_goal *goal)
 static void settle(struct conform *c, const struct conform_goal *goal) {
     if (is_reached(c, goal))
         return;
-    conform_find_rows(c, SOFT);
+    conform_find_rows(c, &c->plan->soft);
     for (int round = 0; round < SETTLE_ROUNDS; round++) {
         conform_settle(c, goal->live_mm3, goal->tolerance_mm3);
         uint32_t back = conform_go_back(c, 0);
@@ -129,7 +129,7 @@ void conform_untangle(struct conform *c, const struct conform_goal *goal,
     out_report->crossings_first = crossings;
     for (int round = 0; crossings && round < ROUNDS; round++) {
         soften(c, round);
-        conform_advance(c, SOFT, NULL); // soft parts would take all of the volume
+        conform_advance(c, &c->plan->soft, NULL); // soft parts would take all of the volume
         crossings = conform_cross(c);
         out_report->repairs++;
     }

@@ -39,7 +39,7 @@ static double find_way(struct conform *c) {
     double longest = 0;
     for (uint32_t i = 0; i < c->active_count; i++)
         c->bent[i] = slope_of(c, c->active[i]);
-    conform_solve(c, c->bent, c->along);
+    conform_solve(c, c->bent, c->plan->way_energy, c->along);
     for (uint32_t i = 0; i < c->active_count; i++) {
         if (!(c->trust[c->active[i]] > 0))
             c->along[i] = (vec3){0};

@@ -6,7 +6,6 @@
 
 #define GROW_MM 1.6 // from a seed along edges; two edges at least
 #define GROW_RINGS 2
-#define BESIDE_MM 2.0 // around all that may move
 #define OFF_FRESH_MM 0.02
 #define OFF_DIRTY_MM 0.08
 #define SEARCH_MM 8.0
@@ -44,6 +43,11 @@ static void target_corners(const struct mesh *mesh, uint32_t t, vec3 out[3]) {
         out[i] = mesh_corner(mesh, t, i);
 }
 
+// Around all that may move.
+static double beside_mm(const struct conform *c) {
+    return higher(c->plan->beside_mm, c->plan->beside_edges * c->surface->spacing);
+}
+
 static void gather_near(struct conform *c) {
     c->near_count = 0;
     c->is_made = false;
@@ -67,7 +71,7 @@ void conform_widen(struct conform *c) {
             extend(&live, c->positions[c->surface->triangles[3 * (size_t)c->live[i] + (size_t)k]]);
     if (!c->live_count || holds(c->zone, live))
         return;
-    live = grown(live, BESIDE_MM);
+    live = grown(live, beside_mm(c));
     extend(&live, c->zone.min);
     extend(&live, c->zone.max);
     c->zone = live;
@@ -87,7 +91,7 @@ static void none_live(struct conform *c) {
 }
 
 void conform_gather_active(struct conform *c) {
-    c->zone = grown(box_of_active(c), BESIDE_MM);
+    c->zone = grown(box_of_active(c), beside_mm(c));
     for (uint32_t v = 0; v < c->surface->vertex_count; v++)
         c->slot[v] = MESH_NONE;
     none_live(c);
@@ -103,7 +107,7 @@ bool conform_gather(struct conform *c, const struct conform_target *target) {
             extend(&fresh, mesh_corner(target->mesh, t, i));
     if (!(fresh.min.x <= fresh.max.x))
         return false;
-    c->zone = grown(fresh, higher(GROW_MM, GROW_RINGS * c->surface->spacing) + BESIDE_MM);
+    c->zone = grown(fresh, higher(GROW_MM, GROW_RINGS * c->surface->spacing) + beside_mm(c));
     c->origin = fresh.min;
     soup_clear(&c->whole_target);
     for (uint32_t t = 0; t < target->mesh->triangle_count; t++) {

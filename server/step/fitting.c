@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "step/apart.h"
+#include "step/settings.h"
 #include "step/touch.h"
 
 #include <stdlib.h>
@@ -11,7 +12,7 @@
 struct fitting {
     const struct match_surface *surface;
     const struct mesh *mesh;
-    bool lays;
+    int rules;
     struct conform *conform;
     vec3 *start; // S'
     struct conform_past *past;
@@ -19,11 +20,11 @@ struct fitting {
 };
 
 struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh,
-                               bool lays) {
+                               int rules) {
     struct fitting *f = alloc(1, sizeof *f);
     f->surface = surface;
     f->mesh = mesh;
-    f->lays = lays;
+    f->rules = rules;
     f->conform = conform_create(surface);
     f->start = alloc(mesh->vertex_count, sizeof *f->start);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
@@ -106,7 +107,11 @@ static void begin_goal(const struct fitting *f, const struct cut_mesh *target, u
     out->fresh = alloc(out->mesh.triangle_count, sizeof *out->fresh);
     for (uint32_t t = 0; t < out->mesh.triangle_count; t++)
         out->fresh[t] = cut_mesh_label(target, ids[t]) > since;
-    out->target = (struct conform_target){&out->mesh, out->fresh, cut_mesh_volume(target), f->lays};
+    out->target = (struct conform_target){.mesh = &out->mesh,
+                                          .fresh = out->fresh,
+                                          .volume_mm3 = cut_mesh_volume(target),
+                                          .lays = f->rules >= RULES_TOUCH_LAID,
+                                          .quickly = f->rules >= RULES_FITTED_QUICKLY};
     free(ids);
 }
 

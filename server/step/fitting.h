@@ -7,10 +7,10 @@
 
 struct fitting;
 
-// S'' = S'. mesh: S, whose triangles S'' has. Both must outlive it. lays: S'' lies down where
-// nothing is left (match/conform.h).
+// S'' = S'. mesh: S, whose triangles S'' has. Both must outlive it. rules: of the session
+// (step/settings.h).
 struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh,
-                               bool lays);
+                               int rules);
 void fitting_destroy(struct fitting **fitting); // NULL inside is fine
 
 // Keeps it, or reads it into a new one of the same surface.

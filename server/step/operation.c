@@ -52,7 +52,7 @@ void operated_take_over(struct operated_tissue *t) {
     t->now = tissue_state_whole(t->scene, t->rules, t->now.figures.mesh_number);
     t->now.figures.refused = refused;
     if (operated_touch_width(t) == 3)
-        t->fitting = fitting_create(t->scene->match, &t->group->mesh, t->rules >= RULES_TOUCH_LAID);
+        t->fitting = fitting_create(t->scene->match, &t->group->mesh, t->rules);
     t->touch_before = alloc((size_t)operated_touch_width(t) * t->group->mesh.vertex_count,
                             sizeof *t->touch_before);
 }

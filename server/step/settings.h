@@ -37,7 +37,8 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //      differences.
 //  10  The integral field adds up the same sums in another order: its last digits are others. Older
 //      traces are run again in this order, too, and replay to within those.
-#define RULES_NEWEST 10
+//  11  The touched surface is fitted in fewer and rougher steps (match/conform.h).
+#define RULES_NEWEST 11
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
@@ -50,6 +51,7 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 #define RULES_HELD_FROM_FRAME 8
 #define RULES_BY_DERIVATIVE 9
 #define RULES_OTHER_ORDER 10
+#define RULES_FITTED_QUICKLY 11
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

@@ -1,5 +1,6 @@
 // S'' put onto a cut mesh: equal volume, no crossings, the same bits, always an end.
 #include "conform_body.h"
+#include "match/conform_gradients.h"
 #include "match/conform_parts.h"
 #include "match/mismatch.h"
 #include "scene/shapes.h"
@@ -59,6 +60,69 @@ static void one_bite_is_met_where_it_is(void **state) {
         body_fini(&b);
     }
     assert_true(after_all < before_all / 3);
+}
+
+// Two ways to the same: by the rules before, and in fewer and rougher steps.
+static void fewer_steps_meet_bites_as_well(void **state) {
+    (void)state;
+    double apart[2] = {0};
+    for (uint64_t seed = 1; seed <= 3; seed++) {
+        struct random r = {seed};
+        struct body b;
+        struct cut_state cut;
+        body_sphere(&b, 30);
+        struct conform *thorough = conform_create(b.surface);
+        for (int i = 0; i < 4; i++) {
+            while (!body_bite(&b, &r, &cut))
+                ;
+            follow(b.conform, &cut, false);
+            follow_thoroughly(thorough, &cut);
+            if (i < 3)
+                cut_state_fini(&cut);
+        }
+        assert_false(same_bits(b.conform, thorough, b.whole.vertex_count));
+        apart[0] += body_apart_mm3(&b, &cut, true);
+        conform_destroy(&b.conform);
+        b.conform = thorough;
+        apart[1] += body_apart_mm3(&b, &cut, true);
+        assert_near(body_volume(&b), cut.volume, 1e-9 * match_surface_volume(b.surface));
+        assert_int_equal(body_crossings(&b), 0);
+        cut_state_fini(&cut);
+        body_fini(&b);
+    }
+    assert_true(apart[0] < 1.1 * apart[1]);
+}
+
+// Of the last system of a fit; with contacts through thin tissue.
+static void every_level_of_processors_solves_to_the_same_bits(void **state) {
+    (void)state;
+#if defined(__x86_64__)
+    if (!__builtin_cpu_supports("avx2"))
+        skip();
+    uint32_t contacts = 0;
+    for (uint64_t seed = 40; seed < 43; seed++) {
+        struct random r = {seed};
+        struct cut_state cut;
+        struct body b;
+        body_lens(&b, 12);
+        while (!body_bite(&b, &r, &cut))
+            ;
+        follow(b.conform, &cut, false);
+        struct conform *c = b.conform;
+        vec3 *plain = calloc(c->active_count, sizeof *plain);
+        vec3 *wide = calloc(c->active_count, sizeof *wide);
+        conform_gradients_plain(c, c->gradient, 1e-8, plain);
+        conform_gradients_avx2(c, c->gradient, 1e-8, wide);
+        assert_true(c->active_count > 10);
+        assert_memory_equal(plain, wide, c->active_count * sizeof *plain);
+        contacts += c->contact_count;
+        free(plain);
+        free(wide);
+        cut_state_fini(&cut);
+        body_fini(&b);
+    }
+    assert_true(contacts > 0);
+#endif
 }
 
 static void the_same_calls_give_the_same_bits(void **state) {
@@ -227,7 +291,7 @@ static void without_fresh_triangles_nothing_moves(void **state) {
     body_sphere(&b, 8);
     double volume = match_surface_volume(b.surface);
     bool *fresh = calloc(b.whole.triangle_count, sizeof *fresh);
-    struct conform_target target = {&b.whole, fresh, volume - 3, true};
+    struct conform_target target = {&b.whole, fresh, volume - 3, true, true};
     struct conform_report report;
     conform_to(b.conform, &target, &report);
     assert_near(report.left_mm3, 3, 1e-9);
@@ -249,7 +313,7 @@ static void touch_and_sight_differ_by_what_is_not_in_both(void **state) {
     mesh_copy(&b, &a);
     for (uint32_t v = 0; v < b.vertex_count; v++)
         mesh_set_vertex(&b, v, vec3_add(mesh_vertex(&b, v), (vec3){0, apart, 0}));
-    struct mismatch_setting setting = {&a, &b, NULL, 0, 0.1};
+    struct mismatch_setting setting = {.touched = &a, .tissue = &b, .step_mm = 0.1};
     mismatch_measure(&setting, &m);
     double lens = M_PI * (4 * r + apart) * (2 * r - apart) * (2 * r - apart) / 12;
     double alone = 4.0 / 3 * M_PI * r * r * r - lens;
@@ -265,7 +329,7 @@ static void touch_and_sight_differ_by_what_is_not_in_both(void **state) {
     assert_near(split.seen_mm3, m.seen_mm3 / 2, 0.01 * alone);
     for (size_t i = 0; i < 3 * (size_t)b.vertex_count; i++)
         b.positions[i] = 0.5F * a.positions[i];
-    mismatch_measure(&(struct mismatch_setting){&a, &b, NULL, 0, 0.1}, &m);
+    mismatch_measure(&(struct mismatch_setting){.touched = &a, .tissue = &b, .step_mm = 0.1}, &m);
     assert_near(m.touched_mm3, 4.0 / 3 * M_PI * r * r * r * 7 / 8, 5);
     assert_near(m.seen_mm3, 0, 0);
     mesh_fini(&a);
@@ -276,6 +340,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(bites_are_followed_at_equal_volume_without_crossings),
         cmocka_unit_test(one_bite_is_met_where_it_is),
+        cmocka_unit_test(fewer_steps_meet_bites_as_well),
+        cmocka_unit_test(every_level_of_processors_solves_to_the_same_bits),
         cmocka_unit_test(the_same_calls_give_the_same_bits),
         cmocka_unit_test(what_it_followed_can_be_taken_back),
         cmocka_unit_test(what_is_far_from_a_cut_stays),

@@ -117,11 +117,20 @@ void body_take_section(struct body *b, struct cut_state *out) {
     assert_true(take(b, &section, out));
 }
 
-struct conform_report follow(struct conform *conform, const struct cut_state *state, bool lays) {
-    struct conform_target target = {&state->mesh, state->fresh, state->volume, lays};
+static struct conform_report follow_by(struct conform *conform, const struct cut_state *state,
+                                       bool lays, bool quickly) {
+    struct conform_target target = {&state->mesh, state->fresh, state->volume, lays, quickly};
     struct conform_report report;
     conform_to(conform, &target, &report);
     return report;
+}
+
+struct conform_report follow(struct conform *conform, const struct cut_state *state, bool lays) {
+    return follow_by(conform, state, lays, true);
+}
+
+struct conform_report follow_thoroughly(struct conform *conform, const struct cut_state *state) {
+    return follow_by(conform, state, false, false);
 }
 
 // ---- oracles ------------------------------------------------------------------------------------
@@ -163,7 +172,9 @@ double body_apart_mm3(const struct body *b, const struct cut_state *state, bool 
     mesh_copy(&touched, &b->whole);
     for (uint32_t v = 0; fitted && v < touched.vertex_count; v++)
         mesh_set_vertex(&touched, v, conform_vertex(b->conform, v));
-    mismatch_measure(&(struct mismatch_setting){&state->mesh, &touched, NULL, 0, 0.1}, &m);
+    mismatch_measure(
+        &(struct mismatch_setting){.touched = &state->mesh, .tissue = &touched, .step_mm = 0.1},
+        &m);
     mesh_fini(&touched);
     return m.touched_mm3 + m.seen_mm3;
 }

@@ -33,7 +33,10 @@ bool body_bite(struct body *b, struct random *r, struct cut_state *out);
 // 10 mm of the body of a meniscus; the smaller of the parts beside it comes off.
 void body_take_section(struct body *b, struct cut_state *out);
 
+// By the newest rules.
 struct conform_report follow(struct conform *conform, const struct cut_state *state, bool lays);
+// By those before rules 11 (step/settings.h).
+struct conform_report follow_thoroughly(struct conform *conform, const struct cut_state *state);
 
 // Oracles.
 int body_crossings(const struct body *b); // of S''

@@ -229,14 +229,16 @@ static enum result join(struct hall *hall, int station, struct error *err) {
     return link_create(&config, &hall->links[station], err);
 }
 
-static bool answers_by_datagram(struct link *link, uint64_t *number) {
-    arthron_Reply reply;
-    struct link_status status;
-    int64_t until_ns = clock_now_ns() + LOOK_NS;
+static void ask(struct link *link, uint64_t *number) {
     struct frame frame = load_frame(*number + 1, clock_now_ns());
     if (link_send(link, &frame))
         ++*number;
-    while (link_wait(link, until_ns, &reply))
+}
+
+static bool answers_by_datagram(struct link *link) {
+    arthron_Reply reply;
+    struct link_status status;
+    while (link_wait(link, 0, &reply))
         ;
     link_get_status(link, &status);
     return status.path == LINK_DATAGRAM;
@@ -270,17 +272,32 @@ static enum result join_all(struct hall *hall, int64_t end_ns, struct error *err
     return result;
 }
 
+// Asks those that get none by datagram; how many those are, from `first` on.
+static int ask_again(struct hall *hall, int *first) {
+    int left = 0;
+    for (int i = hall->caller_count - 1; i >= 0; i--) {
+        if (answers_by_datagram(hall->links[i]))
+            continue;
+        ask(hall->links[i], &hall->callers[i].number);
+        *first = i;
+        left++;
+    }
+    return left;
+}
+
 static enum result wait_for_replies(struct hall *hall, int64_t end_ns, struct error *err) {
+    int station;
     hall->callers = alloc((size_t)hall->caller_count, sizeof *hall->callers);
+    while (ask_again(hall, &station) > 0) {
+        if (clock_now_ns() > end_ns)
+            return fail(err, RESULT_CLOSED, "station %d gets no replies by datagram", station);
+        pause_ns(LOOK_NS);
+    }
     for (int i = 0; i < hall->caller_count; i++) {
-        struct caller *caller = &hall->callers[i];
-        while (!answers_by_datagram(hall->links[i], &caller->number))
-            if (clock_now_ns() > end_ns)
-                return fail(err, RESULT_CLOSED, "station %d gets no replies by datagram", i);
         const struct udp *udp = &hall->links[i]->sender.udp;
-        caller->fd = udp->fd;
-        caller->to_server = udp->present.to_server;
-        caller->to_station = udp->present.to_station;
+        hall->callers[i].fd = udp->fd;
+        hall->callers[i].to_server = udp->present.to_server;
+        hall->callers[i].to_station = udp->present.to_station;
     }
     return RESULT_OK;
 }

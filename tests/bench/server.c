@@ -25,6 +25,7 @@
 #define CROWD_HZ 100
 #define ACTIVE_STATIONS 200
 #define IDLE_STATIONS 1000
+#define SETTLE_NS (2 * NS_PER_S)
 
 struct rounds {
     int count;
@@ -183,9 +184,15 @@ static enum result cheapest_field(const char *case_dir, const struct rounds *rou
 
 // ---- many stations ------------------------------------------------------------------------------
 
+static void pause_ns(int64_t ns) {
+    nanosleep(&(struct timespec){ns / NS_PER_S, ns % NS_PER_S}, NULL);
+}
+
+// Once what joining made has been done.
 static double idle_share(const struct hall *hall, int64_t lasts_ns) {
+    pause_ns(SETTLE_NS);
     int64_t before_ns = hall_server_ns(hall), begin_ns = clock_now_ns();
-    nanosleep(&(struct timespec){lasts_ns / NS_PER_S, lasts_ns % NS_PER_S}, NULL);
+    pause_ns(lasts_ns);
     return (double)(hall_server_ns(hall) - before_ns) / (double)(clock_now_ns() - begin_ns);
 }
 
@@ -340,7 +347,7 @@ static enum result large_hall(const char *case_dir, bool quick, struct report *r
 
 enum result bench_server(const struct bench_options *options, struct report *report,
                          struct error *err) {
-    struct rounds rounds = {options->quick ? 3 : 9, options->quick ? NS_PER_S / 2 : 2 * NS_PER_S};
+    struct rounds rounds = {options->quick ? 3 : 9, options->quick ? 3 * NS_PER_S / 10 : 2 * NS_PER_S};
     char folder[FOLDER_MAX], case_dir[128];
     log_set_level(LOG_WARNING);
     folder_make(folder);

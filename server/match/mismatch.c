@@ -47,38 +47,15 @@ static struct box box_of_difference(const struct mismatch_setting *s) {
     return box;
 }
 
-static bool is_over(const struct mesh *mesh, uint32_t triangle, struct box box) {
-    struct box own = {mesh_corner(mesh, triangle, 0), mesh_corner(mesh, triangle, 0)};
-    extend(&own, mesh, triangle);
-    return own.min.x <= box.max.x && own.max.x >= box.min.x && own.min.y <= box.max.y &&
-           own.max.y >= box.min.y;
-}
-
-static void take_over(const struct mesh *mesh, struct box where, struct mesh *out) {
-    out->triangle_count = 0;
-    out->triangles = alloc(3 * (size_t)mesh->triangle_count, sizeof *out->triangles);
-    for (uint32_t t = 0; t < mesh->triangle_count; t++)
-        if (is_over(mesh, t, where))
-            memcpy(out->triangles + 3 * (size_t)out->triangle_count++,
-                   mesh->triangles + 3 * (size_t)t, 3 * sizeof *out->triangles);
-}
-
 // ---- columns ------------------------------------------------------------------------------------
 
-// Of the triangles over a box, both on one lattice: two more points, which no triangle uses, give
-// them the same bounds.
-static void columns_of(const struct mesh *mesh, struct box where, struct box box, double step_mm,
-                       struct columns *out) {
-    struct mesh placed = *mesh;
-    take_over(mesh, where, &placed);
-    vec3 *points = alloc((size_t)mesh->vertex_count + 2, sizeof *points);
+static void columns_over(const struct mesh *mesh, struct box lattice, struct box part,
+                         double step_mm, struct columns *out) {
+    vec3 *points = alloc(mesh->vertex_count, sizeof *points);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         points[v] = mesh_vertex(mesh, v);
-    points[placed.vertex_count++] = box.min;
-    points[placed.vertex_count++] = box.max;
-    columns_init(out, &placed, points, step_mm);
+    columns_init_over(out, mesh, points, step_mm, lattice, part);
     free(points);
-    free(placed.triangles);
 }
 
 // ---- a column -----------------------------------------------------------------------------------
@@ -170,17 +147,15 @@ void mismatch_measure(const struct mismatch_setting *s, struct mismatch *out) {
     struct box box = box_around(mesh_bounds(s->touched), mesh_bounds(s->tissue));
     struct box where = box_of_difference(s);
     struct span *clefts = alloc((size_t)s->cleft_count, sizeof *clefts);
-    where.min = vec3_sub(where.min, (vec3){s->step_mm, s->step_mm, 0});
-    where.max = vec3_add(where.max, (vec3){s->step_mm, s->step_mm, 0});
-    columns_of(s->touched, where, box, s->step_mm, &columns[TOUCHED]);
-    columns_of(s->tissue, where, box, s->step_mm, &columns[TISSUE]);
+    columns_over(s->touched, box, where, s->step_mm, &columns[TOUCHED]);
+    columns_over(s->tissue, box, where, s->step_mm, &columns[TISSUE]);
     *out = (struct mismatch){0};
     size_t nx = (size_t)columns->nx, count = nx * (size_t)columns->ny;
     for (size_t c = 0; c < count; c++) {
         if (is_empty(&columns[TOUCHED], c) && is_empty(&columns[TISSUE], c))
             continue;
-        double x = columns->x + s->step_mm * (double)(c % nx);
-        double y = columns->y + s->step_mm * (double)(c / nx);
+        double x = columns->x + s->step_mm * (columns->i0 + (double)(c % nx));
+        double y = columns->y + s->step_mm * (columns->j0 + (double)(c / nx));
         add_column(columns, c, clefts, clefts_over(s, x, y, clefts), out);
     }
     out->touched_mm3 *= s->step_mm * s->step_mm;

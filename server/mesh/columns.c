@@ -56,6 +56,7 @@ static int round_down(double x) {
     return i - (x < i);
 }
 
+// Those of the lattice's columns that are in the part.
 static void cross_triangle(const struct columns *columns, const vec3 *points, const uint32_t *t,
                            struct crossings *crossings) {
     vec3 a = points[t[0]], b = points[t[1]], c = points[t[2]];
@@ -64,25 +65,41 @@ static void cross_triangle(const struct columns *columns, const vec3 *points, co
     int i1 = round_down((higher(higher(a.x, b.x), c.x) - columns->x) / step);
     int j0 = round_up((lower(lower(a.y, b.y), c.y) - columns->y) / step);
     int j1 = round_down((higher(higher(a.y, b.y), c.y) - columns->y) / step);
+    i0 = i0 > columns->i0 ? i0 : columns->i0;
+    j0 = j0 > columns->j0 ? j0 : columns->j0;
+    i1 = i1 < columns->i0 + columns->nx ? i1 : columns->i0 + columns->nx - 1;
+    j1 = j1 < columns->j0 + columns->ny ? j1 : columns->j0 + columns->ny - 1;
     for (int j = j0; j <= j1; j++)
         for (int i = i0; i <= i1; i++)
             if (height_over(points, t, columns->x + i * step, columns->y + j * step, &z))
-                add_crossing(crossings, (size_t)j * (size_t)columns->nx + (size_t)i, z);
+                add_crossing(
+                    crossings,
+                    (size_t)(j - columns->j0) * (size_t)columns->nx + (size_t)(i - columns->i0), z);
 }
 
-static void place_lattice(struct columns *columns, const struct mesh *mesh, const vec3 *points,
-                          double step) {
-    vec3 low = points[0], high = points[0];
-    for (uint32_t v = 1; v < mesh->vertex_count; v++) {
-        low = (vec3){lower(low.x, points[v].x), lower(low.y, points[v].y), 0};
-        high = (vec3){higher(high.x, points[v].x), higher(high.y, points[v].y), 0};
-    }
-    int nx = (int)ceil((high.x - low.x) / step) + 1, ny = (int)ceil((high.y - low.y) / step) + 1;
-    *columns = (struct columns){.x = (low.x + high.x - (nx - 1) * step) / 2,
-                                .y = (low.y + high.y - (ny - 1) * step) / 2,
+static struct box bounds_of(const vec3 *points, uint32_t count) {
+    struct box box = {points[0], points[0]};
+    for (uint32_t v = 1; v < count; v++)
+        box = box_around(box, (struct box){points[v], points[v]});
+    return box;
+}
+
+static void place_lattice(struct columns *columns, struct box box, double step) {
+    int nx = (int)ceil((box.max.x - box.min.x) / step) + 1;
+    int ny = (int)ceil((box.max.y - box.min.y) / step) + 1;
+    *columns = (struct columns){.x = (box.min.x + box.max.x - (nx - 1) * step) / 2,
+                                .y = (box.min.y + box.max.y - (ny - 1) * step) / 2,
                                 .step = step,
                                 .nx = nx,
                                 .ny = ny};
+}
+
+// Of the columns from 0 to *count - 1 those from low to high.
+static void keep_part(double low, double high, int *out_first, int *in_out_count) {
+    double first = higher(floor(low), 0), last = lower(ceil(high), *in_out_count - 1);
+    bool any = first <= last;
+    *out_first = any ? (int)first : 0;
+    *in_out_count = any ? (int)last - (int)first + 1 : 0;
 }
 
 // Few have more than two.
@@ -111,14 +128,27 @@ static void sort_into_columns(const struct crossings *crossings, struct columns 
         sort_few(columns->heights + columns->first[c], columns->first[c + 1] - columns->first[c]);
 }
 
-void columns_init(struct columns *columns, const struct mesh *mesh, const vec3 *points,
-                  double step) {
+static void find(struct columns *columns, const struct mesh *mesh, const vec3 *points) {
     struct crossings crossings = {0};
-    place_lattice(columns, mesh, points, step);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         cross_triangle(columns, points, mesh->triangles + 3 * (size_t)t, &crossings);
     sort_into_columns(&crossings, columns);
     free(crossings.all);
+}
+
+void columns_init(struct columns *columns, const struct mesh *mesh, const vec3 *points,
+                  double step) {
+    place_lattice(columns, bounds_of(points, mesh->vertex_count), step);
+    find(columns, mesh, points);
+}
+
+void columns_init_over(struct columns *columns, const struct mesh *mesh, const vec3 *points,
+                       double step, struct box lattice, struct box part) {
+    struct columns *c = columns;
+    place_lattice(c, lattice, step);
+    keep_part((part.min.x - c->x) / step, (part.max.x - c->x) / step, &c->i0, &c->nx);
+    keep_part((part.min.y - c->y) / step, (part.max.y - c->y) / step, &c->j0, &c->ny);
+    find(c, mesh, points);
 }
 
 void columns_fini(struct columns *columns) {

@@ -51,9 +51,8 @@ static double time_mode(const struct bench *b, enum avatar_mode mode, struct rep
         pose T = probe_aim(portal, way, vec3_length(way));
         double before = samples_own_us();
         warp_at(b, mode, portal, T, &memory);
-        double after = samples_own_us();
         if (i >= 0)
-            samples_add(&us, after - before);
+            samples_add_own(&us, before);
     }
     double median = samples_quantile(&us, 0.5), p99 = samples_quantile(&us, 0.99);
     const char *field = field_name(b->field.kind), *name = avatar_mode_name(mode);

@@ -50,3 +50,24 @@ double samples_own_us(void) {
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
     return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
 }
+
+#define READINGS 1001
+
+static double reading_us(void) {
+    struct samples us = {0};
+    for (int i = 0; i < READINGS; i++) {
+        double before = samples_own_us();
+        samples_add(&us, samples_own_us() - before);
+    }
+    double median = samples_quantile(&us, 0.5);
+    samples_fini(&us);
+    return median;
+}
+
+void samples_add_own(struct samples *samples, double before_us) {
+    static double reading;
+    double took = samples_own_us() - before_us;
+    if (!reading)
+        reading = reading_us();
+    samples_add(samples, fmax(took - reading, 0));
+}

@@ -20,3 +20,7 @@ double samples_quantile(struct samples *samples, double share);
 
 // The processor time of this thread so far, in µs: a busy machine interrupts what is measured.
 double samples_own_us(void);
+
+// Adds what has passed of it since `before_us`, less what reading the clock takes: up to a µs, where
+// it is a call into the kernel.
+void samples_add_own(struct samples *samples, double before_us);

@@ -54,9 +54,8 @@ static void time_queries(const struct run *run, struct samples *out_us) {
             warp_memory_init(&memory);
         double before = samples_own_us();
         warp_point(run->scene, &run->field, y, &memory, &warp);
-        double after = samples_own_us();
         if (i >= 0)
-            samples_add(out_us, after - before);
+            samples_add_own(out_us, before);
     }
 }
 
@@ -126,17 +125,17 @@ static double plain_over_queries(const struct bodies *bodies, double reach_mm, i
     }
     for (int i = 0; i < count; i++) {
         vec3 p = place(false, STEP_MM * i);
-        double before = samples_own_us(), between;
+        double before = samples_own_us();
         for (int k = 0; k < bodies->count; k++)
             plain_query_distance(plain[k], p, reach_mm);
-        between = samples_own_us();
+        samples_add_own(&plain_us, before);
+        before = samples_own_us();
         for (int k = 0; k < bodies->count; k++) {
             struct closest c = {.triangle = last[k]};
             query_closest(bodies->queries[k], p, reach_mm, last[k], &c);
             last[k] = c.triangle;
         }
-        samples_add(&us, samples_own_us() - between);
-        samples_add(&plain_us, between - before);
+        samples_add_own(&us, before);
     }
     double ratio = samples_quantile(&plain_us, 0.5) / samples_quantile(&us, 0.5);
     samples_fini(&plain_us);
@@ -202,7 +201,7 @@ static double measure_off(const struct bodies *ring, enum field_kind kind, doubl
         warp_point(&scene, &field, y, &memory, &warp); // where the tip was a moment ago
         double before = samples_own_us();
         warp_point(&scene, &field, y, &memory, &warp);
-        samples_add(&us, samples_own_us() - before);
+        samples_add_own(&us, before);
     }
     double median = samples_quantile(&us, 0.5);
     report_figure(report, median, "us", "one ring/%s/%g mm off/median", field_name(kind), off_mm);

@@ -153,6 +153,10 @@ vec3 conform_vertex(const struct conform *conform, uint32_t vertex) {
     return conform->positions[vertex];
 }
 
+const vec3 *conform_vertices(const struct conform *conform) {
+    return conform->positions;
+}
+
 void conform_place(struct conform *conform, uint32_t vertex, vec3 place) {
     CHECK(vertex < conform->surface->vertex_count);
     conform->positions[vertex] = place;

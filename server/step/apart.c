@@ -17,27 +17,41 @@ static struct box box_of(const vec3 *points, uint32_t count) {
 }
 
 // Whether a triangle may come within reach of the box: false only where it does not.
-static bool may_reach(const struct mesh *mesh, const uint32_t corners[3], struct box box) {
-    vec3 a = mesh_vertex(mesh, corners[0]), b = mesh_vertex(mesh, corners[1]);
-    vec3 c = mesh_vertex(mesh, corners[2]);
-    return !((a.x < box.min.x && b.x < box.min.x && c.x < box.min.x) ||
-             (a.y < box.min.y && b.y < box.min.y && c.y < box.min.y) ||
-             (a.z < box.min.z && b.z < box.min.z && c.z < box.min.z) ||
-             (a.x > box.max.x && b.x > box.max.x && c.x > box.max.x) ||
-             (a.y > box.max.y && b.y > box.max.y && c.y > box.max.y) ||
-             (a.z > box.max.z && b.z > box.max.z && c.z > box.max.z));
+static bool may_reach(const struct mesh *mesh, const uint32_t corners[3], const float min[3],
+                      const float max[3]) {
+    const float *a = mesh->positions + 3 * (size_t)corners[0];
+    const float *b = mesh->positions + 3 * (size_t)corners[1];
+    const float *c = mesh->positions + 3 * (size_t)corners[2];
+    for (int i = 0; i < 3; i++)
+        if ((a[i] < min[i] && b[i] < min[i] && c[i] < min[i]) ||
+            (a[i] > max[i] && b[i] > max[i] && c[i] > max[i]))
+            return false;
+    return true;
 }
 
 static void gather(const struct mesh *surface, struct box box, struct mesh *out_near) {
+    // No float lies between a number and what it is rounded to.
+    const float min[] = {(float)box.min.x, (float)box.min.y, (float)box.min.z};
+    const float max[] = {(float)box.max.x, (float)box.max.y, (float)box.max.z};
     *out_near = *surface;
     out_near->triangles = alloc(3 * (size_t)surface->triangle_count, sizeof *out_near->triangles);
     out_near->triangle_count = 0;
     for (uint32_t i = 0; i < surface->triangle_count; i++) {
         const uint32_t *corners = surface->triangles + 3 * (size_t)i;
-        if (may_reach(surface, corners, box))
+        if (may_reach(surface, corners, min, max))
             memcpy(out_near->triangles + 3 * (size_t)out_near->triangle_count++, corners,
                    3 * sizeof *corners);
     }
+}
+
+// Not above the distance of any point of the triangle.
+static double distance_of_box(const struct mesh *mesh, uint32_t triangle, vec3 p) {
+    vec3 a = mesh_corner(mesh, triangle, 0), b = mesh_corner(mesh, triangle, 1);
+    vec3 c = mesh_corner(mesh, triangle, 2);
+    double x = higher(lower(lower(a.x, b.x), c.x) - p.x, p.x - higher(higher(a.x, b.x), c.x));
+    double y = higher(lower(lower(a.y, b.y), c.y) - p.y, p.y - higher(higher(a.y, b.y), c.y));
+    double z = higher(lower(lower(a.z, b.z), c.z) - p.z, p.z - higher(higher(a.z, b.z), c.z));
+    return higher(x, higher(y, z));
 }
 
 // The distance of the point, or any that is not above `enough`. *hint: the triangle to begin with,
@@ -48,6 +62,8 @@ static double distance_from(const struct mesh *mesh, vec3 p, double enough, uint
         struct closest closest;
         uint32_t t =
             k + first < mesh->triangle_count ? k + first : k + first - mesh->triangle_count;
+        if (distance_of_box(mesh, t, p) > nearest)
+            continue;
         closest_on_triangle(mesh, t, p, &closest);
         if (closest.distance < nearest) {
             nearest = closest.distance;

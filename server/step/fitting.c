@@ -6,6 +6,7 @@
 #include "step/touch.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #define PROBES_MAX 32 // points of new surface whose distance to S'' is measured
 
@@ -64,9 +65,21 @@ vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex) {
     return conform_vertex(fitting->conform, vertex);
 }
 
-vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex) {
-    vec3 by = vec3_sub(conform_vertex(fitting->conform, vertex), fitting->start[vertex]);
+static vec3 offset(vec3 place, vec3 start) {
+    vec3 by = vec3_sub(place, start);
     return (vec3){touch_rounded(by.x), touch_rounded(by.y), touch_rounded(by.z)};
+}
+
+vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex) {
+    return offset(conform_vertex(fitting->conform, vertex), fitting->start[vertex]);
+}
+
+void fitting_offsets(const struct fitting *f, double *out) {
+    const vec3 *places = conform_vertices(f->conform);
+    for (uint32_t v = 0; v < f->mesh->vertex_count; v++) {
+        vec3 by = offset(places[v], f->start[v]);
+        memcpy(out + 3 * (size_t)v, &by, sizeof by);
+    }
 }
 
 void fitting_place(struct fitting *fitting, uint32_t vertex, vec3 offset) {
@@ -86,8 +99,9 @@ static double distance_of(const struct fitting *f, const struct conform_target *
         if (target->fresh[t] && seen++ % stride == 0)
             probes[count++] = mesh_corner(target->mesh, t, 0);
     mesh_copy(&touched, f->mesh);
+    const vec3 *places = conform_vertices(f->conform);
     for (uint32_t v = 0; v < touched.vertex_count; v++)
-        mesh_set_vertex(&touched, v, conform_vertex(f->conform, v));
+        mesh_set_vertex(&touched, v, places[v]);
     double largest = apart_mm(&touched, probes, count);
     mesh_fini(&touched);
     return largest;

@@ -18,6 +18,7 @@ void fitting_keep(struct fitting *fitting, struct kept *kept);
 
 vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex); // S''
 vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex); // S'' − S', rounded
+void fitting_offsets(const struct fitting *fitting, double *out); // of all vertices: 3 numbers each
 void fitting_place(struct fitting *fitting, uint32_t vertex, vec3 offset);
 
 struct fitting_report {

@@ -95,9 +95,18 @@ static double *touch_before(const struct operated_tissue *t, uint32_t vertex) {
     return t->touch_before + (size_t)operated_touch_width(t) * vertex;
 }
 
+// Of all vertices.
+static void touch_of_all(const struct operated_tissue *t, double *out_values) {
+    size_t width = (size_t)operated_touch_width(t);
+    if (t->fitting && t->now.mesh)
+        fitting_offsets(t->fitting, out_values);
+    else
+        for (uint32_t i = 0; width && i < t->group->mesh.vertex_count; i++)
+            touch_of(t, i, out_values + width * i);
+}
+
 static void note_touch(struct operated_tissue *t) {
-    for (uint32_t i = 0; operated_touch_width(t) && i < t->group->mesh.vertex_count; i++)
-        touch_of(t, i, touch_before(t, i));
+    touch_of_all(t, t->touch_before);
 }
 
 // The vertices whose values are others than before, or all.
@@ -107,11 +116,13 @@ static void tell_touch(const struct operated_tissue *t, bool all, struct touch_c
     if (!width)
         return;
     touch_change_make_room(out, width, t->group->mesh.vertex_count);
+    touch_of_all(t, out->values);
     for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++) {
-        double *values = out->values + (size_t)width * out->count;
-        touch_of(t, i, values);
-        if (all || memcmp(values, touch_before(t, i), size) != 0)
-            out->vertices[out->count++] = i;
+        const double *values = out->values + (size_t)width * i;
+        if (!all && memcmp(values, touch_before(t, i), size) == 0)
+            continue;
+        memmove(out->values + (size_t)width * out->count, values, size);
+        out->vertices[out->count++] = i;
     }
     if (t->fitting)
         touch_encode(out);

@@ -34,7 +34,7 @@ struct operated_tissue {
     uint32_t fitted_since;   // the number of the last cut that the touch has followed
     struct past_cut *cuts;   // since it was whole
     uint32_t cut_count, cut_room;
-    bool was_read; // with its cuts: they may come from anywhere
+    bool was_read;                                  // with its cuts: they may come from anywhere
     struct checkpoint checkpoints[CHECKPOINTS_MAX]; // the newest first
 };
 

@@ -28,10 +28,6 @@ void touch_change_fini(struct touch_change *touch) {
     *touch = (struct touch_change){0};
 }
 
-double touch_rounded(double mm) {
-    return rint(mm * TOUCH_PER_MM) / TOUCH_PER_MM + 0.0; // no -0
-}
-
 // ---- bytes --------------------------------------------------------------------------------------
 
 static size_t put_number(uint8_t *out, uint32_t number) {

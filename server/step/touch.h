@@ -1,6 +1,7 @@
 // What a job changes of the touched surface S'', and its bytes in a trace.
 #pragma once
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -26,7 +27,13 @@ struct touch_change {
 void touch_change_make_room(struct touch_change *touch, int width, uint32_t count);
 void touch_change_fini(struct touch_change *touch); // zeroed is fine
 
-double touch_rounded(double mm); // to the nearest multiple; of two the even one
+// To the nearest multiple; of two the even one.
+static inline double touch_rounded(double mm) {
+    const double whole = 0x1.8p52; // beyond 2^52 doubles have no fraction; rint would be a call
+    double units = mm * TOUCH_PER_MM;
+    units = fabs(units) < 0x1p51 ? (units + whole) - whole : rint(units);
+    return units / TOUCH_PER_MM + 0.0; // no -0
+}
 
 // Sets bytes and size. The values are rounded offsets.
 void touch_encode(struct touch_change *touch);

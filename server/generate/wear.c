@@ -8,17 +8,22 @@ static double share_at(double distance, double radius) {
 }
 
 // Whether any of it that can be seen lies in the patch.
-static bool wear_group(struct case_group *group, vec3 middle, const struct wear_patch *patch) {
-    bool met = false;
+static bool is_met(const struct case_group *group, vec3 middle, const struct wear_patch *patch) {
+    for (uint32_t v = 0; v < group->mesh.vertex_count; v++)
+        if (vec3_distance(mesh_vertex(&group->mesh, v), middle) < patch->radius_mm &&
+            !(group->covered && group->covered[v]))
+            return true;
+    return false;
+}
+
+static void wear_group(struct case_group *group, vec3 middle, const struct wear_patch *patch) {
     for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
         double distance = vec3_distance(mesh_vertex(&group->mesh, v), middle);
         if (distance >= patch->radius_mm)
             continue;
-        met |= !group->covered || !group->covered[v];
         float *wear = &case_group_need_wear(group)[v];
         *wear = fmaxf(*wear, (float)(patch->grade * share_at(distance, patch->radius_mm)));
     }
-    return met;
 }
 
 enum result wear_add(struct case_group *const *groups, int group_count,
@@ -35,10 +40,13 @@ enum result wear_add(struct case_group *const *groups, int group_count,
                     patch->at.x, patch->at.y, patch->at.z, groups[0]->name, distance);
     bool met = false;
     for (int i = 0; i < group_count; i++)
+        met |= case_group_wears(groups[i]) && is_met(groups[i], middle, patch);
+    if (!met)
+        return fail(err, RESULT_MISSING,
+                    "wear at %g,%g,%g: neither bone nor cartilage that stays uncut is there",
+                    patch->at.x, patch->at.y, patch->at.z);
+    for (int i = 0; i < group_count; i++)
         if (case_group_wears(groups[i]))
-            met |= wear_group(groups[i], middle, patch);
-    return met ? RESULT_OK
-               : fail(err, RESULT_MISSING,
-                      "wear at %g,%g,%g: neither bone nor cartilage that stays uncut is there",
-                      patch->at.x, patch->at.y, patch->at.z);
+            wear_group(groups[i], middle, patch);
+    return RESULT_OK;
 }

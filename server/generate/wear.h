@@ -13,6 +13,6 @@ struct wear_patch {
 
 // Raises the `wear` of these groups (1 or more) of one body where they wear (case_group_wears),
 // never lowers it. RESULT_INVALID where the first group has no vertex within radius_mm / 2 of `at`,
-// RESULT_MISSING where nothing in the patch wears; nothing has changed then.
+// RESULT_MISSING where nothing in the patch wears and shows; nothing has changed then.
 enum result wear_add(struct case_group *const *groups, int group_count,
                      const struct wear_patch *patch, struct error *err);

@@ -107,6 +107,7 @@ static void what_is_hidden_is_no_wear(void **state) {
     for (uint32_t v = 0; v < tibia->mesh.vertex_count; v++)
         covered[v] = vec3_length(mesh_vertex(&tibia->mesh, v)) < 7;
     assert_int_equal(wear(knee, (struct wear_patch){{0, 0, 0}, 6, 4}), RESULT_MISSING);
+    assert_null(tibia->wear);
     assert_ok(wear(knee, (struct wear_patch){{2, 0, 0}, 6, 4}));
     case_destroy(&knee);
 }

@@ -307,7 +307,7 @@ async function a_researcher_asks_for_a_course_and_takes_all_of_it_along(world) {
   await ask("POST", `/courses/${course}/trainees`, { trainee: RATED.trainee });
   const page = await browser.page(await browser.context(users.instructor), "#/courses");
   await page.getByRole("link", { name: "Research" }).click();
-  await page.getByLabel("Course").selectOption(course);
+  await page.getByRole("combobox", { name: "Course" }).selectOption(course);
   await page.getByLabel("Task").selectOption(TASK);
   const { attempts } = await ask("GET", `/attempts?course=${course}&task=${TASK}`);
   await until("its attempts are listed", async () => (await page.locator("tbody tr").count()) === attempts.length);

@@ -48,6 +48,7 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->reach, count);
     NEW(c->ring, count);
     NEW(c->tied, count);
+    NEW(c->off, count);
     NEW(c->moves, count);
     NEW(c->active, count);
     NEW(c->changed, count);
@@ -138,7 +139,8 @@ void conform_destroy(struct conform **conform) {
                             c->bend,      c->reach,   c->ring,         c->tied,   c->active,
                             c->changed,   c->queue,   c->live_of,      c->live,   c->near,
                             c->pulls,     c->samples, c->contacts,     c->laid,   c->laid_before,
-                            c->moves,     c->beside,  c->self_of,      c->across};
+                            c->moves,     c->beside,  c->self_of,      c->across,
+                            c->off};
     free_all(arrays, sizeof arrays / sizeof arrays[0]);
     destroy_system(c);
     soup_fini(&c->target);
@@ -160,10 +162,14 @@ const vec3 *conform_vertices(const struct conform *conform) {
 void conform_place(struct conform *conform, uint32_t vertex, vec3 place) {
     CHECK(vertex < conform->surface->vertex_count);
     conform->positions[vertex] = place;
+    conform->has_volume = false;
 }
 
-double conform_volume(const struct conform *conform) {
-    return surface_volume(conform->surface, conform->positions);
+double conform_volume(struct conform *conform) {
+    if (!conform->has_volume)
+        conform->volume = surface_volume(conform->surface, conform->positions);
+    conform->has_volume = true;
+    return conform->volume;
 }
 
 // ---- a cut --------------------------------------------------------------------------------------
@@ -197,8 +203,8 @@ void conform_to(struct conform *conform, const struct conform_target *target,
     memcpy(c->dirty_before, c->dirty, c->surface->vertex_count * sizeof *c->dirty_before);
     memcpy(c->laid_before, c->laid, c->surface->vertex_count * sizeof *c->laid_before);
     *out_report = (struct conform_report){.changed = c->changed};
-    if (target->lays)
-        conform_lay(c, target->mesh);
+    if (target->lays && conform_lay(c, target->mesh))
+        c->has_volume = false;
     double volume = conform_volume(c), wanted = target->volume_mm3 + conform_sheet(c);
     c->active_count = c->live_count = 0;
     if (conform_gather(c, target)) {
@@ -210,6 +216,7 @@ void conform_to(struct conform *conform, const struct conform_target *target,
         struct conform_goal goal = {conform_live_volume(c) + wanted - volume,
                                     TOLERANCE * c->surface->volume};
         fit(c, &goal, out_report);
+        c->has_volume = false;
     }
     report_changes(c, out_report);
     out_report->volume_mm3 = conform_volume(c);
@@ -253,6 +260,7 @@ void conform_past_fini(struct conform_past *past) {
 }
 
 void conform_take_back(struct conform *conform, const struct conform_past *past) {
+    conform->has_volume = false;
     for (uint32_t i = 0; i < past->count; i++) {
         CHECK(past->vertices[i] < conform->surface->vertex_count);
         conform->positions[past->vertices[i]] = past->positions[i];

@@ -36,7 +36,7 @@ void conform_keep(struct conform *conform, struct kept *kept);
 
 vec3 conform_vertex(const struct conform *conform, uint32_t vertex); // S''
 const vec3 *conform_vertices(const struct conform *conform);         // all of it
-double conform_volume(const struct conform *conform);                // inside S'', summed anew
+double conform_volume(struct conform *conform);                      // inside S''
 // Puts a vertex of S'' elsewhere. For conform_past it is a change by the last conform_to.
 void conform_place(struct conform *conform, uint32_t vertex, vec3 place);
 

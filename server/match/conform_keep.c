@@ -49,6 +49,7 @@ static void keep_shares(double *shares, uint32_t count, struct kept *k) {
 
 void conform_keep(struct conform *conform, struct kept *k) {
     uint32_t count = conform->surface->vertex_count;
+    conform->has_volume = conform->has_volume && !k->reads;
     for (uint32_t v = 0; v < count; v++)
         keep_point(conform->surface->start[v], &conform->positions[v], k);
     kept_bytes(k, conform->dirty, count);

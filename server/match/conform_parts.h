@@ -93,6 +93,8 @@ struct conform {
     vec3 *positions;                 // S''
     uint8_t *dirty;                  // cuts for which a vertex that has moved is looked at again
     double *laid; // how much of the way down to the sheet a vertex has gone: 0 to 1
+    double volume; // inside S'', once it was asked for
+    bool has_volume;
 
     // The call that runs. By vertex:
     vec3 *before; // S'' before it,
@@ -108,6 +110,7 @@ struct conform {
     double *reach;  // along edges from a seed, mm
     uint8_t *ring;  // from a seed
     uint8_t *tied;  // 1: crosses
+    uint8_t *off;   // sides of the zone that it is beyond, one bit for each
     // By triangle:
     uint32_t *live_of; // index among the live ones, or MESH_NONE
 
@@ -158,7 +161,7 @@ void conform_activate(struct conform *c);
 void conform_gather_active(struct conform *c);
 
 // ---- where nothing is left: conform_sheet.c ----
-void conform_lay(struct conform *c, const struct mesh *tissue);
+bool conform_lay(struct conform *c, const struct mesh *tissue); // whether any may have moved
 double conform_sheet(const struct conform *c); // mm³ in the sheet
 
 // ---- films: conform_films.c ----

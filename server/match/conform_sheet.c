@@ -359,7 +359,7 @@ static void choose(struct conform *c, struct laying *l) {
             c->active[c->active_count++] = v;
 }
 
-void conform_lay(struct conform *c, const struct mesh *tissue) {
+bool conform_lay(struct conform *c, const struct mesh *tissue) {
     struct laying l = {0};
     c->active_count = 0;
     plan_init(&l.plan, c->surface);
@@ -376,6 +376,7 @@ void conform_lay(struct conform *c, const struct mesh *tissue) {
     free(l.floors);
     free(l.soft);
     free(l.rings);
+    return c->active_count > 0;
 }
 
 // ---- what it holds ------------------------------------------------------------------------------
@@ -385,9 +386,18 @@ static bool is_laid(const struct conform *c, uint32_t triangle) {
     return c->laid[v[0]] >= 1 && c->laid[v[1]] >= 1 && c->laid[v[2]] >= 1;
 }
 
+static bool is_any_laid(const struct conform *c) {
+    bool any = false;
+    for (uint32_t v = 0; v < c->surface->vertex_count; v++)
+        any |= c->laid[v] >= 1;
+    return any;
+}
+
 double conform_sheet(const struct conform *c) {
     struct plan plan = {0};
     double sum = 0;
+    if (!is_any_laid(c))
+        return 0;
     for (uint32_t t = 0; t < c->surface->triangle_count; t++) {
         vec3 corners[3];
         if (!is_laid(c, t))

@@ -1,7 +1,9 @@
 // Which part of S'' a cut concerns.
+#include "base/check.h"
 #include "match/conform_parts.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define GROW_MM 1.6 // from a seed along edges; two edges at least
@@ -30,12 +32,15 @@ static struct box grown(struct box box, double by) {
     return (struct box){vec3_sub(box.min, v), vec3_add(box.max, v)};
 }
 
-static bool meets(struct box box, const vec3 c[3]) {
-    struct box other = empty_box();
-    for (int i = 0; i < 3; i++)
-        extend(&other, c[i]);
-    return box.min.x <= other.max.x && other.min.x <= box.max.x && box.min.y <= other.max.y &&
-           other.min.y <= box.max.y && box.min.z <= other.max.z && other.min.z <= box.max.z;
+// One bit for each side of a box that a point is beyond. A triangle whose corners are all beyond
+// one side does not meet the box.
+static uint8_t sides_beyond(struct box box, vec3 p) {
+    return (uint8_t)((p.x < box.min.x) | (p.x > box.max.x) << 1 | (p.y < box.min.y) << 2 |
+                     (p.y > box.max.y) << 3 | (p.z < box.min.z) << 4 | (p.z > box.max.z) << 5);
+}
+
+static bool meets(const uint8_t *off, const uint32_t *corners) {
+    return !(off[corners[0]] & off[corners[1]] & off[corners[2]]);
 }
 
 static void target_corners(const struct mesh *mesh, uint32_t t, vec3 out[3]) {
@@ -51,11 +56,12 @@ static double beside_mm(const struct conform *c) {
 static void gather_near(struct conform *c) {
     c->near_count = 0;
     c->is_made = false;
+    for (uint32_t v = 0; v < c->surface->vertex_count; v++)
+        c->off[v] = sides_beyond(c->zone, c->positions[v]);
     for (uint32_t t = 0; t < c->surface->triangle_count; t++) {
-        vec3 corners[3];
-        conform_corners(c, t, corners);
-        if (meets(c->zone, corners))
-            c->near[c->near_count++] = t;
+        bool near = meets(c->off, c->surface->triangles + 3 * (size_t)t);
+        c->near[c->near_count] = t;
+        c->near_count += near;
     }
 }
 
@@ -99,23 +105,38 @@ void conform_gather_active(struct conform *c) {
     conform_activate(c);
 }
 
-bool conform_gather(struct conform *c, const struct conform_target *target) {
+static struct box box_of_fresh(const struct conform_target *target) {
     struct box fresh = empty_box();
-    vec3 corners[3];
     for (uint32_t t = 0; t < target->mesh->triangle_count; t++)
         for (int i = 0; target->fresh[t] && i < 3; i++)
             extend(&fresh, mesh_corner(target->mesh, t, i));
+    return fresh;
+}
+
+static void gather_target(struct conform *c, const struct conform_target *target) {
+    const struct mesh *mesh = target->mesh;
+    uint8_t *off = alloc(mesh->vertex_count, sizeof *off);
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        off[v] = sides_beyond(c->zone, mesh_vertex(mesh, v));
+    soup_clear(&c->whole_target);
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        vec3 corners[3];
+        if (!meets(off, mesh->triangles + 3 * (size_t)t))
+            continue;
+        target_corners(mesh, t, corners);
+        soup_add(&c->whole_target, corners, t, target->fresh[t]);
+    }
+    free(off);
+    soup_build(&c->whole_target);
+}
+
+bool conform_gather(struct conform *c, const struct conform_target *target) {
+    struct box fresh = box_of_fresh(target);
     if (!(fresh.min.x <= fresh.max.x))
         return false;
     c->zone = grown(fresh, higher(GROW_MM, GROW_RINGS * c->surface->spacing) + beside_mm(c));
     c->origin = fresh.min;
-    soup_clear(&c->whole_target);
-    for (uint32_t t = 0; t < target->mesh->triangle_count; t++) {
-        target_corners(target->mesh, t, corners);
-        if (meets(c->zone, corners))
-            soup_add(&c->whole_target, corners, t, target->fresh[t]);
-    }
-    soup_build(&c->whole_target);
+    gather_target(c, target);
     conform_leave_out_films(c);
     none_live(c);
     gather_near(c);

@@ -52,6 +52,29 @@ static bool pierces(vec3 from, vec3 to, int one, int other, const vec3 c[3]) {
     return v * w >= 0 && w * u >= 0;
 }
 
+#define OFF_MM 1e-6
+#define AREA2_MIN 1e-3
+#define RADII_MAX 2.0
+
+// Whether corners of one triangle are so far to one side of another's plane that side_of is sure to
+// say so. It is where the plane is exact to much less than OFF_MM: of a triangle with some area, near
+// by. Those that both share do not count.
+static bool are_beside(const struct soup *soup, uint32_t corners_of, uint32_t plane_of,
+                       const bool shared[3]) {
+    const struct soup_plane *plane = &soup->planes[plane_of];
+    const vec3 *corners = soup->at[corners_of].corners;
+    bool above = true, below = true;
+    if (soup->at[plane_of].area2 < AREA2_MIN ||
+        soup->planes[corners_of].radius + plane->radius > RADII_MAX)
+        return false;
+    for (int i = 0; i < 3; i++) {
+        double height = vec3_dot(plane->normal, corners[i]) - plane->offset;
+        above &= shared[i] || height > OFF_MM;
+        below &= shared[i] || height < -OFF_MM;
+    }
+    return above || below;
+}
+
 static bool has_corner(const uint32_t *triangle, uint32_t vertex) {
     return triangle[0] == vertex || triangle[1] == vertex || triangle[2] == vertex;
 }
@@ -66,6 +89,8 @@ static bool edges_pierce(const struct conform *c, uint32_t a, uint32_t b) {
         shared[i] = has_corner(vb, va[i]);
     if (shared[0] + shared[1] + shared[2] > 1)
         return false; // no edge is left
+    if (are_beside(&c->self, a, b, shared))
+        return false;
     for (int i = 0; i < 3; i++)
         sides[i] = shared[i] ? 0 : side_of(through[0], through[1], through[2], from[i]);
     for (int i = 0; i < 3; i++) {

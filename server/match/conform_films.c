@@ -3,7 +3,8 @@
 #include "match/room.h"
 
 #define FILM_MM 0.15
-#define AGAINST 0.3 // −N·N' of the two sides, at least
+#define AGAINST 0.3   // −N·N' of the two sides, at least
+#define SLACK_MM 1e-6 // more than heights are rounded
 
 // 0.8 of one corner and 0.1 of the others, and the middle.
 static vec3 point_in(const vec3 c[3], int which) {
@@ -25,6 +26,31 @@ static void note_across(void *context, uint32_t index) {
     struct conform *c = context;
     room_for(&c->across, &c->across_room, c->across_count + 1);
     c->across[c->across_count++] = index;
+}
+
+// Whether all corners of one triangle are farther from another's plane than what may be a film, to
+// one side of it.
+static bool is_beside(const struct soup_plane *plane, const vec3 corners[3]) {
+    bool above = true, below = true;
+    for (int i = 0; i < 3; i++) {
+        double height = vec3_dot(plane->normal, corners[i]) - plane->offset;
+        above &= height > FILM_MM + SLACK_MM;
+        below &= height < -FILM_MM - SLACK_MM;
+    }
+    return above || below;
+}
+
+// What is so near that a point of each may be film with the other.
+static void drop_beside(struct conform *c, uint32_t of) {
+    const struct soup *soup = &c->whole_target;
+    uint32_t left = 0;
+    for (uint32_t i = 0; i < c->across_count; i++) {
+        uint32_t t = c->across[i];
+        if (!is_beside(&soup->planes[of], soup->at[t].corners) &&
+            !is_beside(&soup->planes[t], soup->at[of].corners))
+            c->across[left++] = t;
+    }
+    c->across_count = left;
 }
 
 // All that points of it may be film with.
@@ -78,6 +104,7 @@ void conform_leave_out_films(struct conform *c) {
     for (uint32_t i = 0; i < c->whole_target.count; i++) {
         const struct soup_triangle t = c->whole_target.at[i];
         find_across(c, &t);
+        drop_beside(c, i);
         if (!c->across_count)
             soup_add(&c->target, t.corners, t.id, t.mark);
         else

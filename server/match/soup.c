@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "match/room.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -26,6 +27,7 @@ static void set_corners(struct soup_triangle *t, const vec3 corners[3]) {
     vec3 area2 = soup_area2(corners);
     double length = vec3_length(area2);
     memcpy(t->corners, corners, sizeof t->corners);
+    t->area2 = length;
     t->normal = length > AREA2_MIN ? vec3_scale(1 / length, area2) : (vec3){0};
 }
 
@@ -55,7 +57,17 @@ static int32_t face_of(vec3 n) {
     return y >= z ? n.y > 0 ? 4 : 8 : n.z > 0 ? 16 : 32;
 }
 
-// Its own box, and its plane.
+static void place_sphere(struct soup_plane *out, struct box box, const vec3 corners[3]) {
+    double most = 0;
+    out->middle = vec3_scale(0.5, vec3_add(box.min, box.max));
+    for (int i = 0; i < 3; i++) {
+        vec3 off = vec3_sub(corners[i], out->middle);
+        most = higher(most, vec3_dot(off, off));
+    }
+    out->radius = sqrt(most);
+}
+
+// Its own box, its plane and its sphere.
 static void place(struct soup *soup, uint32_t index) {
     const struct soup_triangle *t = &soup->at[index];
     struct soup_boxes *boxes = &soup->blocks[soup->lanes[index] / EIGHT];
@@ -66,6 +78,7 @@ static void place(struct soup *soup, uint32_t index) {
     soup->planes[index].normal = has_area ? t->normal : (vec3){NAN, NAN, NAN};
     soup->planes[index].offset = vec3_dot(t->normal, t->corners[0]);
     boxes->faces[lane] = face_of(t->normal);
+    place_sphere(&soup->planes[index], box, t->corners);
     for (int i = 0; i < 3; i++) {
         double middle = 0.5 * (low[i] + high[i]) - origin[i], half = 0.5 * (high[i] - low[i]);
         boxes->middle[i][lane] = (float)middle;

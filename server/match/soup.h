@@ -8,15 +8,18 @@
 
 struct soup_triangle {
     vec3 corners[3];
-    vec3 normal; // unit; 0 where it has no area
+    vec3 normal;  // unit; 0 where it has no area
+    double area2; // twice the area
     uint32_t id; // the caller's
     bool mark;   // the caller's
 };
 
-// The plane of a triangle: what a search asks first.
+// The plane of a triangle, and a sphere around it: what a search asks first.
 struct soup_plane {
     vec3 normal; // NaN where the triangle is never the closest
     double offset;
+    vec3 middle;
+    double radius;
 };
 
 // Eight boxes around triangles or around other eights, from the soup's origin on.
@@ -79,7 +82,7 @@ bool soup_closest(const struct soup *soup, const struct soup_search *search,
                   struct soup_closest *out);
 void soup_closest_on(const struct soup *soup, uint32_t index, vec3 point, struct soup_closest *out);
 
-// The same among some triangles; their order makes no difference.
+// The same among some triangles; their order makes no difference. Of the search no hint is asked.
 bool soup_closest_among(const struct soup *soup, const struct soup_search *search,
                         const uint32_t *indices, uint32_t count, struct soup_closest *out);
 

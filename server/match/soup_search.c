@@ -74,6 +74,7 @@ static struct place place_of(const struct soup *soup, vec3 p) {
 
 static void note_best(struct looking *s) {
     double distance = s->best->distance + SLACK_MM, near = s->best->distance + s->place.margin;
+    s->distance = distance;
     s->distance2 = distance * distance;
     s->square = (float)(near * near * (1 + 8 * (double)FLT_EPSILON));
 }
@@ -83,7 +84,9 @@ static bool may_be_closer(const struct soup_plane *plane, const struct looking *
     if (!(vec3_dot(s->search->facing, plane->normal) >= s->search->least))
         return false;
     double off = vec3_dot(plane->normal, s->search->point) - plane->offset;
-    return off * off <= s->distance2;
+    vec3 away = vec3_sub(s->search->point, plane->middle);
+    double reach = s->distance + plane->radius;
+    return off * off <= s->distance2 && vec3_dot(away, away) <= reach * reach;
 }
 
 void soup_look_at(struct looking *s, uint32_t t) {
@@ -134,7 +137,9 @@ bool soup_closest(const struct soup *soup, const struct soup_search *search,
 
 bool soup_closest_among(const struct soup *soup, const struct soup_search *search,
                         const uint32_t *indices, uint32_t count, struct soup_closest *out) {
-    struct looking s = soup_begin(soup, search, out);
+    struct looking s = {.soup = soup, .search = search, .best = out};
+    *out = (struct soup_closest){.index = MESH_NONE, .distance = search->within};
+    note_best(&s);
     for (uint32_t i = 0; i < count; i++)
         soup_look_at(&s, indices[i]);
     return out->index != MESH_NONE;
@@ -181,13 +186,18 @@ static void look_near(const struct nearing *n, int level, uint32_t block) {
     }
 }
 
-void soup_near(const struct soup *soup, struct box box,
-               void (*visit)(void *context, uint32_t index), void *context) {
-    struct nearing n = {.soup = soup, .faces = INT32_MAX, .visit = visit, .context = context};
+static void near_through(const struct soup *soup, struct box box, int32_t faces,
+                         void (*visit)(void *context, uint32_t index), void *context) {
+    struct nearing n = {.soup = soup, .faces = faces, .visit = visit, .context = context};
     if (!soup->count)
         return;
     set_box(&n, box);
     look_near(&n, soup->level_count - 1, 0);
+}
+
+void soup_near(const struct soup *soup, struct box box,
+               void (*visit)(void *context, uint32_t index), void *context) {
+    near_through(soup, box, INT32_MAX, visit, context);
 }
 
 struct facing_search {
@@ -207,12 +217,5 @@ static void visit_facing(void *context, uint32_t index) {
 void soup_near_facing(const struct soup *soup, struct box box, vec3 facing, double least,
                       void (*visit)(void *context, uint32_t index), void *context) {
     struct facing_search search = {soup, facing, least, visit, context};
-    struct nearing n = {.soup = soup,
-                        .faces = faces_towards(facing, least),
-                        .visit = visit_facing,
-                        .context = &search};
-    if (!soup->count)
-        return;
-    set_box(&n, box);
-    look_near(&n, soup->level_count - 1, 0);
+    near_through(soup, box, faces_towards(facing, least), visit_facing, &search);
 }

@@ -18,7 +18,8 @@ struct looking {
     struct soup_closest *best;
     struct place place;
     int32_t faces;    // that an answer may look through
-    double distance2; // of the best, and a hair: what is farther is no answer
+    double distance;  // of the best, and a hair: what is farther is no answer
+    double distance2;
     float square;     // the same for boxes
 };
 

@@ -140,12 +140,13 @@ void conform_destroy(struct conform **conform) {
                             c->changed,   c->queue,   c->live_of,      c->live,   c->near,
                             c->pulls,     c->samples, c->contacts,     c->laid,   c->laid_before,
                             c->moves,     c->beside,  c->self_of,      c->across,
-                            c->off};
+                            c->off,       c->parts};
     free_all(arrays, sizeof arrays / sizeof arrays[0]);
     destroy_system(c);
     soup_fini(&c->target);
     soup_fini(&c->self);
     soup_fini(&c->whole_target);
+    films_before_fini(&c->films);
     free(c);
     *conform = NULL;
 }

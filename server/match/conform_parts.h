@@ -87,6 +87,19 @@ struct conform_plan {
     double way_energy;        // as a pass's, of the way to equal volume
 };
 
+// T of the last call, and what was left of it without films.
+struct films_before {
+    struct soup_triangle *whole, *target;
+    uint32_t *parts; // as conform's
+    uint32_t whole_count, whole_room, target_room, part_room;
+    // By triangle of it: whether T still has it.
+    bool *stays;
+    uint32_t stays_room;
+    uint32_t *same; // by triangle of T: the triangle that it was, or MESH_NONE
+    uint32_t same_room;
+    uint32_t *table, table_room; // scratch
+};
+
 struct conform {
     const struct match_surface *surface;
     const struct conform_plan *plan; // of the call that runs
@@ -128,7 +141,10 @@ struct conform {
     vec3 origin;              // of volumes
     struct soup target, self; // T without films, S'' near it
     struct soup whole_target; // T with films
-    uint32_t *across;         // of whole_target, what may make a triangle a film
+    // By triangle of whole_target, and one more: the first of target that is of it.
+    uint32_t *parts, part_room;
+    struct films_before films; // of the last call
+    uint32_t *across;          // of whole_target, what may make a triangle a film
     uint32_t across_count, across_room;
     uint32_t *queue; // scratch, a vertex each
 
@@ -165,8 +181,11 @@ bool conform_lay(struct conform *c, const struct mesh *tissue); // whether any m
 double conform_sheet(const struct conform *c); // mm³ in the sheet
 
 // ---- films: conform_films.c ----
+// Before whole_target is filled.
+void conform_keep_films(struct conform *c);
 // Fills c->target from c->whole_target.
 void conform_leave_out_films(struct conform *c);
+void films_before_fini(struct films_before *films);
 
 // ---- rows: conform_rows.c ----
 void conform_take_samples(struct conform *c);

@@ -118,6 +118,7 @@ static void gather_target(struct conform *c, const struct conform_target *target
     uint8_t *off = alloc(mesh->vertex_count, sizeof *off);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         off[v] = sides_beyond(c->zone, mesh_vertex(mesh, v));
+    conform_keep_films(c);
     soup_clear(&c->whole_target);
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         vec3 corners[3];

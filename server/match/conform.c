@@ -134,13 +134,12 @@ void conform_destroy(struct conform **conform) {
     struct conform *c = *conform;
     if (!c)
         return;
-    void *const arrays[] = {c->positions, c->dirty,   c->dirty_before, c->before, c->sound,
-                            c->kept,      c->factor,  c->normals,      c->slot,   c->trust,
-                            c->bend,      c->reach,   c->ring,         c->tied,   c->active,
-                            c->changed,   c->queue,   c->live_of,      c->live,   c->near,
-                            c->pulls,     c->samples, c->contacts,     c->laid,   c->laid_before,
-                            c->moves,     c->beside,  c->self_of,      c->across,
-                            c->off,       c->parts};
+    void *const arrays[] = {
+        c->positions, c->dirty,    c->dirty_before, c->before,      c->sound, c->kept,   c->factor,
+        c->normals,   c->slot,     c->trust,        c->bend,        c->reach, c->ring,   c->tied,
+        c->active,    c->changed,  c->queue,        c->live_of,     c->live,  c->near,   c->pulls,
+        c->samples,   c->contacts, c->laid,         c->laid_before, c->moves, c->beside, c->self_of,
+        c->across,    c->off,      c->parts,        c->firsts};
     free_all(arrays, sizeof arrays / sizeof arrays[0]);
     destroy_system(c);
     soup_fini(&c->target);

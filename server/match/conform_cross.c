@@ -56,19 +56,23 @@ static bool pierces(vec3 from, vec3 to, int one, int other, const vec3 c[3]) {
 #define AREA2_MIN 1e-3
 #define RADII_MAX 2.0
 
+struct side {
+    const vec3 *corners;
+    const uint32_t *vertices;
+    const struct soup_plane *plane; // NULL: not known
+    double area2;
+};
+
 // Whether corners of one triangle are so far to one side of another's plane that side_of is sure to
-// say so. It is where the plane is exact to much less than OFF_MM: of a triangle with some area, near
-// by. Those that both share do not count.
-static bool are_beside(const struct soup *soup, uint32_t corners_of, uint32_t plane_of,
-                       const bool shared[3]) {
-    const struct soup_plane *plane = &soup->planes[plane_of];
-    const vec3 *corners = soup->at[corners_of].corners;
+// say so. It is where the plane is exact to much less than OFF_MM: of a triangle with some area,
+// near by. Those that both share do not count.
+static bool are_beside(const struct side *a, const struct side *b, const bool shared[3]) {
     bool above = true, below = true;
-    if (soup->at[plane_of].area2 < AREA2_MIN ||
-        soup->planes[corners_of].radius + plane->radius > RADII_MAX)
+    if (!a->plane || !b->plane || b->area2 < AREA2_MIN ||
+        a->plane->radius + b->plane->radius > RADII_MAX)
         return false;
     for (int i = 0; i < 3; i++) {
-        double height = vec3_dot(plane->normal, corners[i]) - plane->offset;
+        double height = vec3_dot(b->plane->normal, a->corners[i]) - b->plane->offset;
         above &= shared[i] || height > OFF_MM;
         below &= shared[i] || height < -OFF_MM;
     }
@@ -79,17 +83,15 @@ static bool has_corner(const uint32_t *triangle, uint32_t vertex) {
     return triangle[0] == vertex || triangle[1] == vertex || triangle[2] == vertex;
 }
 
-static bool edges_pierce(const struct conform *c, uint32_t a, uint32_t b) {
-    const uint32_t *va = c->surface->triangles + 3 * (size_t)c->self.at[a].id;
-    const uint32_t *vb = c->surface->triangles + 3 * (size_t)c->self.at[b].id;
-    const vec3 *from = c->self.at[a].corners, *through = c->self.at[b].corners;
+static bool edges_pierce(const struct side *a, const struct side *b) {
+    const vec3 *from = a->corners, *through = b->corners;
     bool shared[3];
     int sides[3];
     for (int i = 0; i < 3; i++)
-        shared[i] = has_corner(vb, va[i]);
+        shared[i] = has_corner(b->vertices, a->vertices[i]);
     if (shared[0] + shared[1] + shared[2] > 1)
         return false; // no edge is left
-    if (are_beside(&c->self, a, b, shared))
+    if (are_beside(a, b, shared))
         return false;
     for (int i = 0; i < 3; i++)
         sides[i] = shared[i] ? 0 : side_of(through[0], through[1], through[2], from[i]);
@@ -105,8 +107,9 @@ static bool edges_pierce(const struct conform *c, uint32_t a, uint32_t b) {
 
 struct pairing {
     struct conform *c;
-    uint32_t index; // in the soup, of a live triangle
+    struct side side;
     struct box box;
+    uint32_t index; // in the soup; MESH_NONE: it is not there
     uint32_t count;
 };
 
@@ -126,33 +129,68 @@ static bool boxes_meet(struct box a, struct box b) {
            a.min.z <= b.max.z && b.min.z <= a.max.z;
 }
 
+static struct side side_in_soup(const struct conform *c, uint32_t index) {
+    const struct soup_triangle *t = &c->self.at[index];
+    return (struct side){t->corners, c->surface->triangles + 3 * (size_t)t->id,
+                         &c->self.planes[index], t->area2};
+}
+
+// Of two live ones, that with the lower index asks.
 static void try_pair(void *context, uint32_t other) {
     struct pairing *pairing = context;
     struct conform *c = pairing->c;
-    const struct soup_triangle *a = &c->self.at[pairing->index], *b = &c->self.at[other];
-    if (other == pairing->index || (b->mark && other < pairing->index) ||
-        !boxes_meet(pairing->box, box_of(b->corners)))
+    const struct soup_triangle *b = &c->self.at[other];
+    bool asks = pairing->index == MESH_NONE
+                    ? b->mark
+                    : other != pairing->index && !(b->mark && other < pairing->index);
+    if (!asks || !boxes_meet(pairing->box, box_of(b->corners)))
         return;
-    if (!edges_pierce(c, pairing->index, other) && !edges_pierce(c, other, pairing->index))
+    struct side side = side_in_soup(c, other);
+    if (!edges_pierce(&pairing->side, &side) && !edges_pierce(&side, &pairing->side))
         return;
     pairing->count++;
     for (int i = 0; i < 3; i++) {
-        c->tied[c->surface->triangles[3 * (size_t)a->id + (size_t)i]] = 1;
-        c->tied[c->surface->triangles[3 * (size_t)b->id + (size_t)i]] = 1;
+        c->tied[pairing->side.vertices[i]] = 1;
+        c->tied[side.vertices[i]] = 1;
+    }
+}
+
+static void try_all(struct pairing *pairing) {
+    pairing->box = box_of(pairing->side.corners);
+    soup_near(&pairing->c->self, pairing->box, try_pair, pairing);
+}
+
+// What is near since the soup was built, which has all that are live.
+static void try_new(struct pairing *pairing) {
+    struct conform *c = pairing->c;
+    pairing->index = MESH_NONE;
+    for (uint32_t i = 0, k = 0; i < c->near_count; i++) {
+        vec3 corners[3];
+        while (k < c->self.count && c->self.at[k].id < c->near[i])
+            k++;
+        if (k < c->self.count && c->self.at[k].id == c->near[i])
+            continue;
+        conform_corners(c, c->near[i], corners);
+        pairing->side = (struct side){.corners = corners,
+                                      .vertices = c->surface->triangles + 3 * (size_t)c->near[i]};
+        try_all(pairing);
     }
 }
 
 uint32_t conform_cross(struct conform *c) {
     struct pairing pairing = {.c = c};
+    bool was_made = c->is_made;
     memset(c->tied, 0, c->surface->vertex_count);
     conform_widen(c);
-    conform_make_self(c);
+    (was_made ? conform_move_self : conform_make_self)(c);
     for (uint32_t i = 0; i < c->self.count; i++) {
         if (!c->self.at[i].mark)
             continue;
         pairing.index = i;
-        pairing.box = box_of(c->self.at[i].corners);
-        soup_near(&c->self, pairing.box, try_pair, &pairing);
+        pairing.side = side_in_soup(c, i);
+        try_all(&pairing);
     }
+    if (!c->is_made)
+        try_new(&pairing);
     return pairing.count;
 }

@@ -115,8 +115,8 @@ static void look_for_films(struct conform *c, uint32_t index) {
 
 // ---- what the last call knows -------------------------------------------------------------------
 
-// A triangle of T with the same corners is film where it was, as long as all is the same that it may
-// be film with. Same triangles are looked for in the order of both, so that which of two counts
+// A triangle of T with the same corners is film where it was, as long as all is the same that it
+// may be film with. Same triangles are looked for in the order of both, so that which of two counts
 // stays the same.
 
 void films_before_fini(struct films_before *films) {

@@ -105,7 +105,9 @@ struct conform {
     const struct conform_plan *plan; // of the call that runs
     vec3 *positions;                 // S''
     uint8_t *dirty;                  // cuts for which a vertex that has moved is looked at again
-    double *laid; // how much of the way down to the sheet a vertex has gone: 0 to 1
+    double *laid;     // how much of the way down to the sheet a vertex has gone: 0 to 1
+    uint32_t *firsts; // of S', of the cells of its plan: see conform_sheet.c
+    uint32_t first_count, first_room;
     double volume; // inside S'', once it was asked for
     bool has_volume;
 
@@ -170,7 +172,9 @@ bool conform_gather(struct conform *c, const struct conform_target *target); // 
 // Live triangles have left the zone: it grows, and more of S'' is near.
 void conform_widen(struct conform *c);
 void conform_make_self(struct conform *c); // the soup of S'' near the cut, and its normals
-void conform_seed(struct conform *c);      // the active vertices and live triangles
+// What is live in that soup; normals, and what else has become near, wait for conform_make_self.
+void conform_move_self(struct conform *c);
+void conform_seed(struct conform *c); // the active vertices and live triangles
 void conform_activate(struct conform *c);
 
 // Near the active ones, which have been chosen.
@@ -178,7 +182,7 @@ void conform_gather_active(struct conform *c);
 
 // ---- where nothing is left: conform_sheet.c ----
 bool conform_lay(struct conform *c, const struct mesh *tissue); // whether any may have moved
-double conform_sheet(const struct conform *c); // mm³ in the sheet
+double conform_sheet(const struct conform *c);                  // mm³ in the sheet
 
 // ---- films: conform_films.c ----
 // Before whole_target is filled.

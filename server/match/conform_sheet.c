@@ -2,6 +2,7 @@
 // own underside, which is on the plateau.
 #include "base/check.h"
 #include "match/conform_parts.h"
+#include "match/room.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -9,6 +10,7 @@
 
 #define CELL_MM 1.0
 #define FAR_MM 8.0    // a cell without tissue within so much, in plan
+#define SOME 16       // of so many triangles one is looked at first
 #define AROUND_MM 6.0 // what is so near to such a cell sinks
 #define RAMP_MM 1.0   // all of the way where it is nearer by so much
 #define SHEET 0.02    // of its height is left of what has sunk
@@ -115,8 +117,8 @@ static bool around(const struct plan *plan, vec3 p, double within,
 
 // ---- where tissue is gone -----------------------------------------------------------------------
 
-static void mark_first_corners(struct plan *plan, const struct mesh *tissue) {
-    for (uint32_t t = 0; t < tissue->triangle_count; t++)
+static void mark_some_corners(struct plan *plan, const struct mesh *tissue) {
+    for (uint32_t t = 0; t < tissue->triangle_count; t += SOME)
         plan->tissue[cell_of(plan, mesh_corner(tissue, t, 0))] = true;
 }
 
@@ -138,28 +140,42 @@ static bool is_free(void *context, size_t cell, double distance2) {
     return !((const struct plan *)context)->tissue[cell];
 }
 
-// Of the cells over S'; false: none.
-static bool mark_far(struct plan *plan, const struct match_surface *s) {
-    bool any = false;
-    memset(plan->distance, UNKNOWN, cell_count(plan) * sizeof *plan->distance);
+// The first vertex of S' in each cell; the cells are the same for each call.
+static void find_firsts(struct conform *c, struct plan *plan) {
+    const struct match_surface *s = c->surface;
     for (uint32_t v = 0; v < s->vertex_count; v++) {
         size_t cell = cell_of(plan, s->start[v]);
-        if (plan->distance[cell] == UNKNOWN)
-            plan->distance[cell] =
-                !plan->tissue[cell] && around(plan, s->start[v], FAR_MM, is_free, plan) ? FAR
-                                                                                        : NEAR;
-        any |= plan->distance[cell] == FAR;
+        if (plan->distance[cell] == NEAR)
+            continue;
+        plan->distance[cell] = NEAR;
+        room_for(&c->firsts, &c->first_room, c->first_count + 1);
+        c->firsts[c->first_count++] = v;
+    }
+}
+
+// Of the cells over S'; false: none.
+static bool mark_far(struct conform *c, struct plan *plan) {
+    bool any = false;
+    if (!c->first_count)
+        find_firsts(c, plan);
+    memset(plan->distance, UNKNOWN, cell_count(plan) * sizeof *plan->distance);
+    for (uint32_t i = 0; i < c->first_count; i++) {
+        vec3 p = c->surface->start[c->firsts[i]];
+        size_t cell = cell_of(plan, p);
+        bool far = !plan->tissue[cell] && around(plan, p, FAR_MM, is_free, plan);
+        plan->distance[cell] = far ? FAR : NEAR;
+        any |= far;
     }
     return any;
 }
 
 // Mostly some corners of the tissue tell already that nothing is far from it.
-static bool find_far(struct plan *plan, const struct match_surface *s, const struct mesh *tissue) {
-    mark_first_corners(plan, tissue);
-    if (!mark_far(plan, s))
+static bool find_far(struct conform *c, struct plan *plan, const struct mesh *tissue) {
+    mark_some_corners(plan, tissue);
+    if (!mark_far(c, plan))
         return false;
     mark_tissue(plan, tissue);
-    return mark_far(plan, s);
+    return mark_far(c, plan);
 }
 
 struct nearest {
@@ -363,7 +379,7 @@ bool conform_lay(struct conform *c, const struct mesh *tissue) {
     struct laying l = {0};
     c->active_count = 0;
     plan_init(&l.plan, c->surface);
-    if (find_far(&l.plan, c->surface, tissue)) {
+    if (find_far(c, &l.plan, tissue)) {
         add_underside(&l.plan, c->surface);
         choose(c, &l);
     }

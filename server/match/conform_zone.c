@@ -212,13 +212,17 @@ static void make_all(struct conform *c) {
 }
 
 static void move_live(struct conform *c) {
+    conform_move_self(c);
+    find_normals(c, c->beside, c->beside_count, c->moves);
+}
+
+void conform_move_self(struct conform *c) {
     for (uint32_t i = 0; i < c->live_count; i++) {
         vec3 corners[3];
         conform_corners(c, c->live[i], corners);
         soup_move(&c->self, c->self_of[i], corners);
     }
     soup_settle(&c->self);
-    find_normals(c, c->beside, c->beside_count, c->moves);
 }
 
 void conform_make_self(struct conform *c) {

@@ -10,8 +10,8 @@ struct soup_triangle {
     vec3 corners[3];
     vec3 normal;  // unit; 0 where it has no area
     double area2; // twice the area
-    uint32_t id; // the caller's
-    bool mark;   // the caller's
+    uint32_t id;  // the caller's
+    bool mark;    // the caller's
 };
 
 // The plane of a triangle, and a sphere around it: what a search asks first.

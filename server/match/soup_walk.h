@@ -17,10 +17,10 @@ struct looking {
     const struct soup_search *search;
     struct soup_closest *best;
     struct place place;
-    int32_t faces;    // that an answer may look through
-    double distance;  // of the best, and a hair: what is farther is no answer
+    int32_t faces;   // that an answer may look through
+    double distance; // of the best, and a hair: what is farther is no answer
     double distance2;
-    float square;     // the same for boxes
+    float square; // the same for boxes
 };
 
 // A search that has looked at nothing yet.

@@ -13,9 +13,12 @@ enum { TOUCHED, TISSUE, MESHES };
 // ---- where both differ --------------------------------------------------------------------------
 
 static bool is_same(const struct mismatch_setting *s, uint32_t triangle, uint32_t touched) {
+    const uint32_t *of = s->tissue->triangles + 3 * (size_t)triangle;
+    const uint32_t *as = s->touched->triangles + 3 * (size_t)touched;
     for (int i = 0; i < 3; i++) {
-        vec3 a = mesh_corner(s->tissue, triangle, i), b = mesh_corner(s->touched, touched, i);
-        if (a.x != b.x || a.y != b.y || a.z != b.z)
+        const float *a = s->tissue->positions + 3 * (size_t)of[i];
+        const float *b = s->touched->positions + 3 * (size_t)as[i];
+        if (a[0] != b[0] || a[1] != b[1] || a[2] != b[2])
             return false;
     }
     return true;

@@ -128,10 +128,25 @@ static void sort_into_columns(const struct crossings *crossings, struct columns 
         sort_few(columns->heights + columns->first[c], columns->first[c + 1] - columns->first[c]);
 }
 
+// One bit for each side of the columns that a point is beside. A triangle whose corners are all
+// beside one side is under none of them.
+static uint8_t sides_beside(const struct columns *c, vec3 p) {
+    double i = (p.x - c->x) / c->step, j = (p.y - c->y) / c->step;
+    return (uint8_t)((i < c->i0) | (i > c->i0 + c->nx - 1) << 1 | (j < c->j0) << 2 |
+                     (j > c->j0 + c->ny - 1) << 3);
+}
+
 static void find(struct columns *columns, const struct mesh *mesh, const vec3 *points) {
     struct crossings crossings = {0};
-    for (uint32_t t = 0; t < mesh->triangle_count; t++)
-        cross_triangle(columns, points, mesh->triangles + 3 * (size_t)t, &crossings);
+    uint8_t *beside = alloc(mesh->vertex_count, sizeof *beside);
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        beside[v] = sides_beside(columns, points[v]);
+    for (uint32_t i = 0; i < mesh->triangle_count; i++) {
+        const uint32_t *t = mesh->triangles + 3 * (size_t)i;
+        if (!(beside[t[0]] & beside[t[1]] & beside[t[2]]))
+            cross_triangle(columns, points, t, &crossings);
+    }
+    free(beside);
     sort_into_columns(&crossings, columns);
     free(crossings.all);
 }

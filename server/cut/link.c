@@ -13,7 +13,10 @@ static bool enter_border(const struct cut_mesh *mesh, struct stage *stage, uint3
     for (uint32_t k = 0; k < stage->triangle_count; k++)
         for (uint32_t i = 0; stage->triangles[k].goes && i < 3; i++) {
             uint32_t twin = mesh->twins[3 * stage->triangles[k].id + i];
-            struct side_entry entry = {mesh->corners[twin], side_end(mesh, twin), twin, true};
+            struct side_entry entry = {.from = mesh->corners[twin],
+                                       .to = side_end(mesh, twin),
+                                       .side = twin,
+                                       .living = true};
             if (goes(stage, twin / 3))
                 continue;
             if (!sides_enter(&stage->sides, entry))
@@ -31,7 +34,7 @@ static bool enter_all(const struct cut_mesh *mesh, struct stage *stage, uint32_t
     for (uint32_t s = 0; s < 3 * stage->made_count; s++) {
         const uint32_t *c = stage->made[s / 3].corners;
         if (!sides_enter(&stage->sides,
-                         (struct side_entry){c[s % 3], c[(s + 1) % 3], s, false}))
+                         (struct side_entry){.from = c[s % 3], .to = c[(s + 1) % 3], .side = s}))
             return stage_refuse(stage, "two new triangles run alike");
     }
     return true;
@@ -44,11 +47,14 @@ static struct side_entry *back_of(const struct stage *stage, uint32_t side) {
 
 // No two sides have the same back, so it is enough to count those that stay.
 static bool match_sides(struct stage *stage, uint32_t border) {
+    stage->backs = array_grow(stage->backs, &stage->back_room, 3 * stage->made_count,
+                              sizeof *stage->backs);
     for (uint32_t s = 0; s < 3 * stage->made_count; s++) {
         const struct side_entry *back = back_of(stage, s);
-        if (back->from == MESH_NONE)
+        if (!sides_is_here(&stage->sides, back))
             return stage_refuse(stage, "a side of a new triangle has no neighbour");
         border -= back->living;
+        stage->backs[s] = (struct back_side){back->side, back->living};
     }
     return border == 0 ? true
                        : stage_refuse(stage, "a side beside the cut has no new neighbour");
@@ -93,6 +99,10 @@ static void remove_old(struct cut_mesh *mesh, struct stage *stage) {
             edit_set_vertex_side(mesh, stage->vertices[v].id, MESH_NONE);
 }
 
+static uint32_t side_of_made(const struct stage *stage, uint32_t side) {
+    return 3 * stage->made_ids.at[side / 3] + side % 3;
+}
+
 static void add_new(struct cut_mesh *mesh, struct stage *stage) {
     stage->made_ids.count = 0;
     for (uint32_t i = 0; i < stage->taken.count; i++)
@@ -105,10 +115,10 @@ static void add_new(struct cut_mesh *mesh, struct stage *stage) {
             edit_set_vertex_side(mesh, t->corners[i], 3 * id + i);
     }
     for (uint32_t s = 0; s < 3 * stage->made_count; s++) {
-        const struct side_entry *back = back_of(stage, s);
-        uint32_t twin =
-            back->living ? back->side : 3 * stage->made_ids.at[back->side / 3] + back->side % 3;
-        edit_join(mesh, 3 * stage->made_ids.at[s / 3] + s % 3, twin);
+        struct back_side back = stage->backs[s];
+        if (back.living || back.side > s)
+            edit_join(mesh, side_of_made(stage, s),
+                      back.living ? back.side : side_of_made(stage, back.side));
     }
 }
 

@@ -161,6 +161,7 @@ void stage_destroy(struct stage **stage) {
     free(s->rings);
     free(s->loops);
     free(s->made);
+    free(s->backs);
     polygon_destroy(&s->filler);
     ids_fini(&s->made_ids);
     sides_fini(&s->drawn);

@@ -74,6 +74,12 @@ struct new_triangle {
     uint32_t label;
 };
 
+// The side that runs back beside one of a new triangle.
+struct back_side {
+    uint32_t side;
+    bool living; // of a triangle that stays; otherwise of a new one
+};
+
 struct stage {
     struct convex blade;                                        // grown by a hair
     int16_t edge_between[CONVEX_PLANES_MAX][CONVEX_PLANES_MAX]; // of two faces; -1: none
@@ -103,7 +109,8 @@ struct stage {
     uint32_t region_count, region_room, ring_count, ring_room, loop_room;
 
     struct new_triangle *made;
-    uint32_t made_count, made_room;
+    struct back_side *backs; // of each side of `made`
+    uint32_t made_count, made_room, back_room;
     struct ids made_ids;     // once they are in the mesh
     struct side_table drawn; // sides of polygons and diagonals, from the lower vertex
     struct side_table sides; // of new triangles, and those that look at a triangle that goes

@@ -17,6 +17,10 @@ static bool fill_region(const struct cut_mesh *mesh, struct stage *stage, uint32
     uint32_t count;
     if (rings[0].count < 3)
         return true;
+    if (region->ring_count == 1 && rings[0].count == 3) {
+        add_triangles(stage, region->label, vertices + rings[0].first, 1);
+        return true;
+    }
     polygon_begin(stage->filler, &stage->drawn, region->normal,
                   mesh->points[vertices[rings[0].first]]);
     for (uint32_t r = 0; r < region->ring_count; r++)

@@ -40,7 +40,7 @@ static bool is_drawn(const struct polygon_filler *f, uint32_t a, uint32_t b) {
 }
 
 static void draw_side(struct side_table *drawn, uint32_t a, uint32_t b) {
-    sides_enter(drawn, (struct side_entry){a < b ? a : b, a < b ? b : a, 0, false});
+    sides_enter(drawn, (struct side_entry){.from = a < b ? a : b, .to = a < b ? b : a});
 }
 
 static void draw(struct polygon_filler *f, uint32_t a, uint32_t b) {
@@ -157,17 +157,15 @@ static double quality_of(const struct polygon_filler *f, uint32_t i, enum strict
     double quality = longest > 0 ? flat_cross(a->p, b->p, c->p) / longest : 0;
     if (strictness != FORCED && quality < (strictness == STRICT ? FLAT : -FLAT))
         return -1;
-    if (is_drawn(f, a->vertex, c->vertex))
-        return -1;
     if (strictness == FORCED)
-        return quality + 2; // which is above 0
+        return is_drawn(f, a->vertex, c->vertex) ? -1 : quality + 2; // which is above 0
     for (uint32_t k = c->next; k != b->previous; k = f->nodes[k].next) {
         const struct polygon_node *n = &f->nodes[k];
         if (covers(a->p, b->p, c->p, n->p, strictness) && n->vertex != a->vertex &&
             n->vertex != b->vertex && n->vertex != c->vertex)
             return -1;
     }
-    return quality + FLAT;
+    return is_drawn(f, a->vertex, c->vertex) ? -1 : quality + FLAT;
 }
 
 static uint32_t best_ear(const struct polygon_filler *f, uint32_t start) {
@@ -219,10 +217,11 @@ static bool cut_ears(struct polygon_filler *f, uint32_t start, uint32_t count) {
         draw(f, f->nodes[before].vertex, f->nodes[after].vertex);
         add_triangle(f, &f->nodes[before], &f->nodes[ear], &f->nodes[after]);
         link_nodes(f, before, after);
+        start = after;
+        if (--count == 3)
+            break;
         f->nodes[before].quality = quality_of(f, before, STRICT);
         f->nodes[after].quality = quality_of(f, after, STRICT);
-        start = after;
-        count--;
     }
     const struct polygon_node *a = &f->nodes[start], *b = &f->nodes[a->next];
     add_triangle(f, a, b, &f->nodes[b->next]);

@@ -124,9 +124,15 @@ static void remove_from(struct triangle_grid *grid, uint32_t *head, uint32_t tri
     grid->free = entry;
 }
 
-static void for_cells(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3],
-                      void (*act)(struct triangle_grid *grid, uint32_t *head, uint32_t triangle)) {
+static inline void for_cells(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3],
+                             void (*act)(struct triangle_grid *grid, uint32_t *head,
+                                         uint32_t triangle)) {
     struct cell_range cells = cells_of(grid, box_of(corners));
+    if (cells.low[0] == cells.high[0] && cells.low[1] == cells.high[1] &&
+        cells.low[2] == cells.high[2]) {
+        act(grid, &column_of(grid, cells.low[0], cells.low[1])[cells.low[2]], triangle);
+        return;
+    }
     struct plane_slab slab = slab_of(grid, corners);
     for (int x = cells.low[0]; x <= cells.high[0]; x++)
         for (int y = cells.low[1]; y <= cells.high[1]; y++)

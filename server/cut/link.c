@@ -47,8 +47,8 @@ static struct side_entry *back_of(const struct stage *stage, uint32_t side) {
 
 // No two sides have the same back, so it is enough to count those that stay.
 static bool match_sides(struct stage *stage, uint32_t border) {
-    stage->backs = array_grow(stage->backs, &stage->back_room, 3 * stage->made_count,
-                              sizeof *stage->backs);
+    stage->backs =
+        array_grow(stage->backs, &stage->back_room, 3 * stage->made_count, sizeof *stage->backs);
     for (uint32_t s = 0; s < 3 * stage->made_count; s++) {
         const struct side_entry *back = back_of(stage, s);
         if (!sides_is_here(&stage->sides, back))
@@ -56,8 +56,7 @@ static bool match_sides(struct stage *stage, uint32_t border) {
         border -= back->living;
         stage->backs[s] = (struct back_side){back->side, back->living};
     }
-    return border == 0 ? true
-                       : stage_refuse(stage, "a side beside the cut has no new neighbour");
+    return border == 0 ? true : stage_refuse(stage, "a side beside the cut has no new neighbour");
 }
 
 // ---- the volume that goes ----

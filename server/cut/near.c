@@ -37,24 +37,29 @@ static bool boxes_meet(const struct cut_mesh *mesh, uint32_t triangle, const str
              (p[0].z > box->max.z && p[1].z > box->max.z && p[2].z > box->max.z));
 }
 
-static void keep_meeting(const struct cut_mesh *mesh, const struct box *box,
-                         struct ids *triangles) {
+static bool is_near(const struct cut_mesh *mesh, struct stage *stage, uint32_t id) {
+    const uint32_t *corners = mesh->corners + 3 * (size_t)id;
+    uint64_t outside = UINT64_MAX;
+    for (int i = 0; i < 3 && outside; i++) {
+        uint32_t slot = near_vertex(mesh, stage, corners[i]);
+        outside &= stage->vertices[slot].outside;
+    }
+    return !outside;
+}
+
+static void keep_near(const struct cut_mesh *mesh, struct stage *stage, const struct box *box) {
+    struct ids *triangles = &stage->candidates;
     uint32_t kept = 0;
     for (uint32_t i = 0; i < triangles->count; i++)
-        if (boxes_meet(mesh, triangles->at[i], box))
+        if (boxes_meet(mesh, triangles->at[i], box) && is_near(mesh, stage, triangles->at[i]))
             triangles->at[kept++] = triangles->at[i];
     triangles->count = kept;
 }
 
 static void add_triangle(const struct cut_mesh *mesh, struct stage *stage, uint32_t id) {
     struct near_triangle near = {.id = id};
-    uint64_t outside = UINT64_MAX;
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++)
         near.corners[i] = near_vertex(mesh, stage, mesh->corners[3 * (size_t)id + (size_t)i]);
-        outside &= stage->vertices[near.corners[i]].outside;
-    }
-    if (outside)
-        return;
     stage->triangles = array_grow(stage->triangles, &stage->triangle_room,
                                   stage->triangle_count + 1, sizeof *stage->triangles);
     stage->triangles[stage->triangle_count++] = near;
@@ -85,10 +90,10 @@ void near_gather(struct cut_mesh *mesh, struct stage *stage) {
     struct box box = {vec3_sub(stage->blade.box.min, margin),
                       vec3_add(stage->blade.box.max, margin)};
     near_collect(mesh, box, &stage->blade, &stage->slots, &stage->candidates);
-    keep_meeting(mesh, &box, &stage->candidates);
-    ids_sort(&stage->candidates); // the grid's order depends on cuts that were refused
     stamped_set_begin(&stage->slots, mesh->vertex_room);
     stage->vertex_count = stage->triangle_count = 0;
+    keep_near(mesh, stage, &box);
+    ids_sort(&stage->candidates); // the grid's order depends on cuts that were refused
     for (uint32_t i = 0; i < stage->candidates.count; i++)
         add_triangle(mesh, stage, stage->candidates.at[i]);
 }

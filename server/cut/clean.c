@@ -2,6 +2,8 @@
 
 #include "cut/surgery.h"
 
+#include <stdlib.h>
+
 // The surface may sink more than it may rise: a wall that rises by more than blades grow would be
 // left as a skin by a bite that is flush with it from behind.
 #define NEAR_MM 1e-3      // a vertex merges into one as near as this
@@ -17,6 +19,8 @@ void cleaner_fini(struct cleaner *cleaner) {
     stamped_set_fini(&cleaner->touched);
     stamped_set_fini(&cleaner->queued);
     ids_fini(&cleaner->queue);
+    stamped_set_fini(&cleaner->shaped);
+    free(cleaner->shapes);
 }
 
 // Only what the cut has touched, so that cleaning does not creep away from it.
@@ -34,9 +38,8 @@ struct fan {
     int count;
     uint32_t sides[DEGREE_MAX]; // that start at the vertex, clockwise: beside side k lie triangles
                                 // k, k + 1
-    vec3 normals[DEGREE_MAX];   // of their triangles, twice the area long
-    double lengths[DEGREE_MAX]; // of the normals
-    double heights[DEGREE_MAX]; // over their longest sides
+    struct triangle_shape shapes[DEGREE_MAX]; // of their triangles
+    uint32_t labels[DEGREE_MAX];
     double thinnest;
 };
 
@@ -47,6 +50,32 @@ static double thinness(vec3 a, vec3 b, vec3 c, vec3 *out_normal) {
     return longest > 0 ? vec3_length(*out_normal) / longest : 0;
 }
 
+// A triangle is seen from each of its corners.
+static struct triangle_shape shape_of(const struct cut_mesh *mesh, uint32_t triangle) {
+    struct cleaner *cleaner = mesh->scratch->cleaner;
+    if (stamped_set_has(&cleaner->shaped, triangle))
+        return cleaner->shapes[stamped_set_get(&cleaner->shaped, triangle)];
+    vec3 p[3];
+    struct triangle_shape shape;
+    triangle_points(mesh, mesh->corners + 3 * (size_t)triangle, p);
+    shape.thinness = thinness(p[0], p[1], p[2], &shape.normal);
+    shape.length = vec3_length(shape.normal);
+    shape.height = sqrt(shape.thinness * shape.length);
+    stamped_set_put(&cleaner->shaped, triangle, cleaner->shape_count);
+    cleaner->shapes = array_grow(cleaner->shapes, &cleaner->shape_room, cleaner->shape_count + 1,
+                                 sizeof *cleaner->shapes);
+    cleaner->shapes[cleaner->shape_count++] = shape;
+    return shape;
+}
+
+static void forget_shape(struct cut_mesh *mesh, uint32_t triangle) {
+    stamped_set_remove(&mesh->scratch->cleaner->shaped, triangle);
+}
+
+static int after(const struct fan *fan, int k) {
+    return k + 1 < fan->count ? k + 1 : 0;
+}
+
 static bool gather_fan(const struct cut_mesh *mesh, uint32_t vertex, struct fan *fan) {
     uint32_t first = mesh->vertex_sides[vertex], side = first;
     fan->count = 0;
@@ -54,12 +83,9 @@ static bool gather_fan(const struct cut_mesh *mesh, uint32_t vertex, struct fan 
     do {
         if (fan->count == DEGREE_MAX)
             return false;
-        vec3 p[3];
-        triangle_points(mesh, mesh->corners + 3 * (size_t)(side / 3), p);
-        double thin = thinness(p[0], p[1], p[2], &fan->normals[fan->count]);
-        fan->lengths[fan->count] = vec3_length(fan->normals[fan->count]);
-        fan->heights[fan->count] = sqrt(thin * fan->lengths[fan->count]);
-        fan->thinnest = lower(fan->thinnest, thin);
+        fan->shapes[fan->count] = shape_of(mesh, side / 3);
+        fan->labels[fan->count] = mesh->labels[side / 3];
+        fan->thinnest = lower(fan->thinnest, fan->shapes[fan->count].thinness);
         fan->sides[fan->count++] = side;
         side = side_around(mesh, side);
     } while (side != first);
@@ -71,14 +97,13 @@ static bool gather_fan(const struct cut_mesh *mesh, uint32_t vertex, struct fan 
 // Where the surface has labels, a line between two of them goes on as the line that it was: on each
 // way around the vertex from the side that goes to it, the label of the triangle that goes,
 // changing once at most.
-static bool keeps_labels(const struct cut_mesh *mesh, const struct fan *fan, int k) {
-    uint32_t right = mesh->labels[fan->sides[(k + 1) % fan->count] / 3];
-    uint32_t left = mesh->labels[fan->sides[k] / 3];
+static bool keeps_labels(const struct fan *fan, int k) {
+    uint32_t right = fan->labels[after(fan, k)], left = fan->labels[k];
     bool changed = false;
-    for (int i = 2; i < fan->count; i++) {
-        uint32_t label = mesh->labels[fan->sides[(k + i) % fan->count] / 3];
-        changed |= label != right;
-        if (label != (changed ? left : right))
+    for (int i = 2, f = after(fan, k); i < fan->count; i++) {
+        f = after(fan, f);
+        changed |= fan->labels[f] != right;
+        if (fan->labels[f] != (changed ? left : right))
             return false;
     }
     return true;
@@ -94,12 +119,12 @@ struct merge_limits {
 static double merged_thinness(const struct cut_mesh *mesh, const struct fan *fan, int k, vec3 from,
                               vec3 to, struct merge_limits limits) {
     double thinnest = 1;
-    for (int i = 2; i < fan->count; i++) {
-        int f = (k + i) % fan->count;
-        if (fan->heights[f] <= limits.flat)
+    for (int i = 2, f = after(fan, k); i < fan->count; i++) {
+        f = after(fan, f);
+        if (fan->shapes[f].height <= limits.flat)
             continue;
-        vec3 normal = fan->normals[f], turned;
-        double rise = vec3_dot(normal, vec3_sub(to, from)), length = fan->lengths[f];
+        vec3 normal = fan->shapes[f].normal, turned;
+        double rise = vec3_dot(normal, vec3_sub(to, from)), length = fan->shapes[f].length;
         if (rise > RISE_MM * length || rise < -limits.sink * length)
             return -1;
         uint32_t side = fan->sides[f];
@@ -123,7 +148,7 @@ static double judge(const struct cut_mesh *mesh, const struct fan *fan, int k, v
         return merged_thinness(mesh, fan, k, from, to, same) < 0 ? -1 : 2;
     }
     bool near = fan->count > 3 && distance < NEAR_MM;
-    if (!near && !keeps_labels(mesh, fan, k))
+    if (!near && !keeps_labels(fan, k))
         return -1;
     struct merge_limits limits = {near ? NEAR_SINK_MM : SINK_MM, -1, least};
     return merged_thinness(mesh, fan, k, from, to, limits);
@@ -149,8 +174,10 @@ static bool merge(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan)
     int k = choose_neighbour(mesh, vertex, fan);
     if (k < 0)
         return false;
-    for (int i = 0; i < fan->count; i++)
+    for (int i = 0; i < fan->count; i++) {
         queue(mesh, side_end(mesh, fan->sides[i]));
+        forget_shape(mesh, fan->sides[i] / 3);
+    }
     surgery_merge(mesh, fan->sides[k]);
     return true;
 }
@@ -178,10 +205,11 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
         uint32_t side = side_next(fan->sides[i]), twin = mesh->twins[side];
         uint32_t p = mesh->corners[side], q = side_end(mesh, side);
         uint32_t r = mesh->corners[side_previous(twin)];
-        vec3 at_p = mesh->points[p], at_q = mesh->points[q], at_r = mesh->points[r];
-        if ((!is_touched(mesh, p) && !is_touched(mesh, q)) || !lies_on(at_p, at_q, v) ||
+        vec3 at_p = mesh->points[p], at_q = mesh->points[q];
+        if (!lies_on(at_p, at_q, v) || (!is_touched(mesh, p) && !is_touched(mesh, q)) ||
             !surgery_can_flip(mesh, side))
             continue;
+        vec3 at_r = mesh->points[r];
         vec3 before, left, right, flat;
         double thin = thinness(at_q, at_p, at_r, &before);
         thin = lower(thin, thinness(v, at_p, at_q, &flat));
@@ -190,6 +218,8 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
               vec3_dot(before, vec3_sub(v, at_p)) <= RISE_MM * vec3_length(before)))
             continue;
         surgery_flip(mesh, side);
+        forget_shape(mesh, side / 3);
+        forget_shape(mesh, twin / 3);
         queue(mesh, vertex);
         queue(mesh, p);
         queue(mesh, q);
@@ -203,7 +233,8 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
 
 void clean(struct cut_mesh *mesh) {
     struct cleaner *cleaner = mesh->scratch->cleaner;
-    cleaner->queue.count = 0;
+    cleaner->queue.count = cleaner->shape_count = 0;
+    stamped_set_begin(&cleaner->shaped, mesh->triangle_room);
     stamped_set_begin(&cleaner->touched, mesh->vertex_room);
     stamped_set_begin(&cleaner->queued, mesh->vertex_room);
     for (uint32_t i = 0; i < mesh->scratch->undo.vertex_count; i++) {

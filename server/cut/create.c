@@ -7,12 +7,12 @@
 
 #define CELL_LEAST_MM 0.25
 
-static enum result check_solid(const struct mesh *mesh, bool *out_hollow, struct error *err) {
+static enum result check_solid(const struct mesh *mesh, bool *out_parted, struct error *err) {
     enum result result = mesh_validate(mesh, err);
     if (result != RESULT_OK)
         return result;
     struct topology topology = topology_of(mesh);
-    *out_hollow = topology.components > 1;
+    *out_parted = topology.components > 1;
     if (!topology.closed)
         return fail(err, RESULT_INVALID, "it has %u open edges", topology.open_edges);
     if (!topology.manifold)
@@ -74,8 +74,8 @@ static void take_arrays(struct cut_mesh *out, const struct mesh *mesh,
 enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
                             struct error *err) {
     *out_mesh = NULL;
-    bool hollow;
-    enum result result = check_solid(mesh, &hollow, err);
+    bool parted;
+    enum result result = check_solid(mesh, &parted, err);
     if (result != RESULT_OK)
         return result;
     struct cut_mesh *m = *out_mesh = alloc(1, sizeof *m);
@@ -89,7 +89,7 @@ enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
         grid_add(&m->grid, t, points);
     }
     m->volume = cut_mesh_volume(m);
-    m->hollow = hollow;
+    m->hollow = m->parted = parted;
     return RESULT_OK;
 }
 

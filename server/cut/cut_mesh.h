@@ -59,6 +59,7 @@ struct cut_mesh {
     uint32_t number;                          // of the last cut that changed the mesh
     double volume;                            // mm³, kept up to date by what each cut changes
     bool hollow;                              // there may be cavities
+    bool parted;                              // the mesh that it was made from had several parts
     struct triangle_grid grid;
     struct cut_scratch *scratch; // while it is cut
 };

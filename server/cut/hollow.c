@@ -1,7 +1,6 @@
 #include "cut/hollow.h"
 
 #include "cut/ray.h"
-#include "cut/spread.h"
 
 static double six_volumes_of(const struct cut_mesh *mesh, const struct ids *triangles,
                              uint32_t first) {
@@ -14,15 +13,48 @@ static double six_volumes_of(const struct cut_mesh *mesh, const struct ids *tria
     return sum;
 }
 
+// ---- a closed part ----
+
+enum { CLOSED, OPEN };
+
+// Appends the triangle and all that hang together with it. Where some of them are original surface
+// of one part, none is appended: that looks outwards.
+static void append_part(const struct cut_mesh *mesh, struct stamped_set *seen, struct ids *list,
+                        uint32_t triangle) {
+    uint32_t first = list->count;
+    bool closed = true;
+    stamped_set_put(seen, triangle, CLOSED);
+    ids_push(list, triangle);
+    for (uint32_t next = first; next < list->count && closed; next++)
+        for (size_t i = 0; i < 3; i++) {
+            uint32_t beside = mesh->twins[3 * (size_t)list->at[next] + i] / 3;
+            bool known = stamped_set_has(seen, beside);
+            closed &= known ? stamped_set_get(seen, beside) == CLOSED
+                            : mesh->labels[beside] || mesh->parted;
+            if (known)
+                continue;
+            stamped_set_put(seen, beside, CLOSED);
+            ids_push(list, beside);
+        }
+    if (closed)
+        return;
+    for (uint32_t i = first; i < list->count; i++)
+        stamped_set_put(seen, list->at[i], OPEN);
+    list->count = first;
+}
+
+// ---- all ----
+
 void hollow_find(const struct cut_mesh *mesh, struct stamped_set *seen, struct cavities *out) {
     *out = (struct cavities){0};
     stamped_set_begin(seen, mesh->triangle_room);
     for (uint32_t t = 0; t < mesh->triangle_bound; t++) {
         uint32_t first = out->triangles.count;
-        if (!cut_mesh_triangle_alive(mesh, t) || stamped_set_has(seen, t))
+        if ((!mesh->labels[t] && !mesh->parted) || stamped_set_has(seen, t) ||
+            !cut_mesh_triangle_alive(mesh, t))
             continue;
-        spread(mesh, NULL, seen, &out->triangles, t);
-        if (six_volumes_of(mesh, &out->triangles, first) < 0)
+        append_part(mesh, seen, &out->triangles, t);
+        if (out->triangles.count > first && six_volumes_of(mesh, &out->triangles, first) < 0)
             ids_push(&out->ends, out->triangles.count);
         else
             out->triangles.count = first;

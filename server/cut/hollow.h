@@ -8,7 +8,8 @@ struct cavities {
     struct ids ends; // of each cavity's triangles; they begin where the last one's end
 };
 
-// All that there are. Walks over the whole mesh. seen: scratch.
+// All that there are. Walks over what cuts have made, and over the whole of a mesh that was in
+// several parts. seen: scratch.
 void hollow_find(const struct cut_mesh *mesh, struct stamped_set *seen, struct cavities *out);
 void cavities_fini(struct cavities *cavities);
 

@@ -8,7 +8,7 @@ void spread(const struct cut_mesh *mesh,
     for (ids_push(list, triangle); next < list->count; next++)
         for (size_t i = 0; i < 3; i++) {
             uint32_t beside = mesh->twins[3 * (size_t)list->at[next] + i] / 3;
-            if (stamped_set_has(seen, beside) || (belongs && !belongs(mesh, beside)))
+            if (stamped_set_has(seen, beside) || !belongs(mesh, beside))
                 continue;
             stamped_set_put(seen, beside, 0);
             ids_push(list, beside);

@@ -8,7 +8,8 @@ static const double jaw_root = 1;
 static const double jaw_tremor_mm = 0.5; // what goes farther between two moves bites anew
 
 // A blade that turns is swept in parts, each turning by no more than this, where there are enough.
-static const double blade_part_deg = 1;
+static const double blade_part_deg = 2;
+static const double loose_part_deg = 1; // without the faces of where a part begins and ends
 
 // Of a blade: its kerf is along x.
 static vec3 blade_low(const struct instrument *blade) {
@@ -93,8 +94,9 @@ static double jaw_way_mm(const struct instrument *jaw, pose from, pose to) {
 
 // A wedge about the hinge, from the opening before to that after. A hand that trembles as it closes
 // the jaw leaves no film between one move and the next: the wedge goes back to where the jaw was.
-static int jaw_parts(const struct instrument *jaw, const struct blade_move *move,
+static int jaw_parts(const struct instrument *jaw, const struct blade_move *move, bool tightly,
                      struct convex *out_parts, struct error *err) {
+    (void)tightly;
     double high = move->opening[0], low = move->opening[1];
     double length = jaw->length_mm, half_width = jaw->width_mm / 2;
     if (high - low < 1e-3)
@@ -149,8 +151,9 @@ static void add_ball(struct blade_hull *body, vec3 axis) {
     add_both(body, axis);
 }
 
-static int burr_parts(const struct instrument *burr, const struct blade_move *move,
+static int burr_parts(const struct instrument *burr, const struct blade_move *move, bool tightly,
                       struct convex *out_parts, struct error *err) {
+    (void)tightly;
     double radius = burr->width_mm / 2;
     struct blade_hull body = {.point_count = 2};
     vec3 shaft = quat_rotate(move->T_mesh_tip[1].rotation, (vec3){0, 0, 1});
@@ -162,8 +165,8 @@ static int burr_parts(const struct instrument *burr, const struct blade_move *mo
 }
 
 // Exact for a straight move; for one that turns an outer bound.
-static bool sweep_blade(const struct instrument *blade, pose from, pose to, struct convex *out_part,
-                        struct error *err) {
+static bool sweep_blade(const struct instrument *blade, pose from, pose to, bool tightly,
+                        struct convex *out_part, struct error *err) {
     struct blade_hull body = {0};
     vec3 low = blade_low(blade), high = blade_high(blade);
     for (int end = 0; end < 2; end++)
@@ -175,29 +178,35 @@ static bool sweep_blade(const struct instrument *blade, pose from, pose to, stru
     vec3 axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     for (int i = 0; i < 3; i++)
         add_both(&body, quat_rotate(middle.rotation, axes[i]));
+    for (int i = 0; i < 3 && tightly; i++) {
+        add_both(&body, quat_rotate(from.rotation, axes[i]));
+        add_both(&body, quat_rotate(to.rotation, axes[i]));
+    }
     vec3 way = vec3_sub(to.translation, from.translation);
     for (int i = 0; i < 3 && vec3_length(way) > 1e-3; i++)
         add_both(&body, vec3_cross(quat_rotate(middle.rotation, axes[i]), way));
     return finish(&body, 0, out_part, err);
 }
 
-static int swept_parts(const struct instrument *blade, const struct blade_move *move,
+static int swept_parts(const struct instrument *blade, const struct blade_move *move, bool tightly,
                        struct convex *out_parts, struct error *err) {
     const pose *at = move->T_mesh_tip;
     double turn_deg = quat_angle(at[0].rotation, at[1].rotation) * DEG_PER_RAD;
-    int steps = (int)fmin(CUT_PARTS_MAX, 1 + turn_deg / blade_part_deg);
+    double part_deg = tightly ? blade_part_deg : loose_part_deg;
+    int steps = (int)fmin(CUT_PARTS_MAX, 1 + turn_deg / part_deg);
     for (int i = 0; i < steps; i++)
         if (!sweep_blade(blade, pose_interpolate(at[0], at[1], (double)i / steps),
-                         pose_interpolate(at[0], at[1], (i + 1.0) / steps), &out_parts[i], err))
+                         pose_interpolate(at[0], at[1], (i + 1.0) / steps), tightly, &out_parts[i],
+                         err))
             return -1;
     return steps;
 }
 
-int blade_parts(const struct instruments *instruments, const struct blade_move *move,
+int blade_parts(const struct instruments *instruments, const struct blade_move *move, bool tightly,
                 struct convex out_parts[CUT_PARTS_MAX], struct error *err) {
     CHECK(pose_is_valid(move->T_mesh_tip[0]) && pose_is_valid(move->T_mesh_tip[1]));
     static int (*const parts_of[INSTRUMENT_KIND_COUNT])(
-        const struct instrument *, const struct blade_move *, struct convex *,
+        const struct instrument *, const struct blade_move *, bool, struct convex *,
         struct error *) = {[INSTRUMENT_JAW] = jaw_parts,
                            [INSTRUMENT_BURR] = burr_parts,
                            [INSTRUMENT_BLADE] = swept_parts};
@@ -205,7 +214,7 @@ int blade_parts(const struct instruments *instruments, const struct blade_move *
     CHECK(index >= 0 && index < instruments->count);
     const struct instrument *tool = &instruments->of[index];
     CHECK(instrument_cuts(tool));
-    int count = parts_of[tool->kind](tool, move, out_parts, err);
+    int count = parts_of[tool->kind](tool, move, tightly, out_parts, err);
     vec3 tip = move->T_mesh_tip[1].translation;
     if (count < 0)
         fail_in(err, RESULT_INVALID, "the %s at %.1f,%.1f,%.1f: ", tool->name, tip.x, tip.y, tip.z);

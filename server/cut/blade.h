@@ -30,10 +30,12 @@ struct blade_move {
 //           it opens or stands still. If the tip has moved by less than 0.5 mm, from where the jaw
 //           was before, so that a hand that trembles leaves no film between two moves
 //   burr    swept along the move; where it stands, the burr itself
-//   blade   the wedge behind the edge, swept along the move, as wide as its kerf
+//   blade   the wedge behind the edge, swept along the move, as wide as its kerf. One that turns is
+//           swept in several parts. tightly: in fewer, which fit closer; not under older rules
+//           (step/settings.h)
 // The number of parts, 0 where the move takes nothing. -1 where a part cannot be made: the error
 // says which, why and where. `instruments` have the move's blade, and it cuts.
-int blade_parts(const struct instruments *instruments, const struct blade_move *move,
+int blade_parts(const struct instruments *instruments, const struct blade_move *move, bool tightly,
                 struct convex out_parts[CUT_PARTS_MAX], struct error *err);
 
 // No point of a part is farther than this from the straight line along which the tip's origin

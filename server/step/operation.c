@@ -200,7 +200,7 @@ static void cut_move(struct operation *operation, struct operated_tissue *t, uin
     struct past_cut past = {operation->cuts + 1, stroke, move_under(t, move), t->now.figures,
                             t->fitting ? fitting_count(t->fitting) : 0};
     keep(t, t->cut_count, stroke);
-    tissue_state_cut(&t->now, t->scene, t->instruments, &past.move, result);
+    tissue_state_cut(&t->now, t->scene, t->instruments, &past.move, t->rules, result);
     if (result->outcome == JOB_REFUSED)
         t->now.figures.refused++;
     if (result->outcome != JOB_DONE)
@@ -284,7 +284,7 @@ static void make_again(struct operated_tissue *t) {
     while (made < t->cut_count) {
         struct job_result *again = alloc(1, sizeof *again);
         keep(t, made, t->cuts[made].stroke);
-        tissue_state_cut(&t->now, t->scene, t->instruments, &t->cuts[made++].move, again);
+        tissue_state_cut(&t->now, t->scene, t->instruments, &t->cuts[made++].move, t->rules, again);
         CHECK(again->outcome == JOB_DONE || t->was_read);
         job_result_destroy(&again);
     }

@@ -38,7 +38,8 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //  10  The integral field adds up the same sums in another order: its last digits are others. Older
 //      traces are run again in this order, too, and replay to within those.
 //  11  The touched surface is fitted in fewer and rougher steps (match/conform.h).
-#define RULES_NEWEST 11
+//  12  A blade that turns is swept in fewer parts, which fit closer (cut/blade.h).
+#define RULES_NEWEST 12
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
@@ -52,6 +53,7 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 #define RULES_BY_DERIVATIVE 9
 #define RULES_OTHER_ORDER 10
 #define RULES_FITTED_QUICKLY 11
+#define RULES_SWEPT_TIGHTLY 12
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

@@ -134,12 +134,12 @@ static void cut_solid(struct tissue_state *r, const struct convex *parts, int co
 
 void tissue_state_cut(struct tissue_state *r, const struct scene_tissue *tissue,
                       const struct instruments *instruments, const struct blade_move *move,
-                      struct job_result *result) {
+                      int rules, struct job_result *result) {
     static const enum job_outcome outcomes[] = {
         [CUT_CHANGED] = JOB_DONE, [CUT_NOTHING] = JOB_NOTHING, [CUT_REFUSED] = JOB_REFUSED};
     struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
     struct cut_change *change = &result->change;
-    int count = blade_parts(instruments, move, parts, &result->why);
+    int count = blade_parts(instruments, move, rules >= RULES_SWEPT_TIGHTLY, parts, &result->why);
     result->outcome = count < 0 ? JOB_REFUSED : JOB_NOTHING;
     if (count > 0)
         result->outcome = outcomes[cut_apply(r->mesh, parts, count, change, &result->why)];

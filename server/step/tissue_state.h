@@ -29,9 +29,10 @@ const struct cut_mesh *tissue_state_target(const struct tissue_state *state, uin
 
 // One move of a blade: the meshes and the quality, and by blends the touch. Sets the result's
 // outcome, change and error, and the touch of blends. The figures lack those of the resection.
+// rules: of the session (step/settings.h).
 void tissue_state_cut(struct tissue_state *state, const struct scene_tissue *tissue,
                       const struct instruments *instruments, const struct blade_move *move,
-                      struct job_result *result);
+                      int rules, struct job_result *result);
 
 // By blends: how far the cut's new surface is from S''.
 double tissue_state_apart_mm(const struct tissue_state *state, const struct mesh *mesh,

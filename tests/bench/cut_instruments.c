@@ -46,7 +46,7 @@ static void run(const struct sweep *sweep, const struct mesh *mesh, int moves, s
     for (int i = 0; i < moves; i++) {
         struct blade_move move;
         next_move(&random, &trial.now, sweep, &move);
-        int count = blade_parts(instruments_usual(), &move, parts, NULL);
+        int count = blade_parts(instruments_usual(), &move, true, parts, NULL);
         CHECK(count >= 0);
         trial_cut(&trial, parts, count);
         cut_count(totals, &trial, sweep->name, i);

@@ -146,7 +146,7 @@ enum result meniscectomy_bite(struct meniscectomy *m, int index, struct bite_rep
                               struct error *err) {
     struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
     struct cut_change change = {0};
-    int count = blade_parts(instruments_usual(), &m->bites[index], parts, err);
+    int count = blade_parts(instruments_usual(), &m->bites[index], true, parts, err);
     int64_t begin_ns = clock_now_ns();
     enum cut_outcome outcome =
         count < 0 ? CUT_REFUSED : cut_apply(m->cut, parts, count, &change, err);

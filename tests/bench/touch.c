@@ -115,7 +115,7 @@ static enum result take(struct touched *t, const struct convex *parts, int count
 
 static enum result cut_by(struct touched *t, const struct blade_move *move, struct error *err) {
     struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
-    int count = blade_parts(instruments_usual(), move, parts, err);
+    int count = blade_parts(instruments_usual(), move, true, parts, err);
     enum result result = count < 0 ? RESULT_REFUSED : RESULT_OK;
     if (count > 0)
         result = take(t, parts, count, err);

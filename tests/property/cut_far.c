@@ -62,7 +62,7 @@ static double cut(const struct tissue *tissue, const struct blade_move *near_mov
     struct error err;
     for (int i = 0; i < 2; i++)
         move.T_mesh_tip[i].translation = vec3_add(move.T_mesh_tip[i].translation, tissue->at);
-    int count = blade_parts(instruments_usual(), &move, parts, &err);
+    int count = blade_parts(instruments_usual(), &move, true, parts, &err);
     if (count < 0)
         fail_msg("%s", err.text);
     *out_outcome = cut_apply(tissue->mesh, parts, count, &change, &err);

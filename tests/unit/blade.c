@@ -58,7 +58,7 @@ static void every_part_is_within_reach(void **state) {
         struct instruments tools = described(&r);
         struct blade_move move = random_move(&r, blades[round % 6]);
         const struct instrument *tool = &tools.of[instrument_of_blade(move.blade)];
-        int count = blade_parts(&tools, &move, parts, NULL);
+        int count = blade_parts(&tools, &move, true, parts, NULL);
         assert_in_range(count, 1, CUT_PARTS_MAX);
         for (int i = 0; i < count; i++)
             for (int v = 0; v < parts[i].vertex_count; v++)
@@ -78,9 +78,9 @@ static void a_described_blade_cuts_by_its_kind_and_size(void **state) {
         strcpy(one.name, "other");
         assert_int_equal(instruments_add(&tools, &one, NULL), RESULT_OK);
         struct blade_move move = random_move(&r, round % 3);
-        int count = blade_parts(&tools, &move, usual, NULL);
+        int count = blade_parts(&tools, &move, true, usual, NULL);
         move.blade = blade_of_instrument(INSTRUMENTS_USUAL);
-        assert_int_equal(blade_parts(&tools, &move, parts, NULL), count);
+        assert_int_equal(blade_parts(&tools, &move, true, parts, NULL), count);
         for (int i = 0; i < count; i++) {
             assert_int_equal(parts[i].vertex_count, usual[i].vertex_count);
             assert_memory_equal(parts[i].vertices, usual[i].vertices,
@@ -96,7 +96,7 @@ static void a_burr_takes_what_it_sweeps(void **state) {
     struct convex parts[CUT_PARTS_MAX];
     for (int round = 0; round < 200; round++) {
         struct blade_move move = random_move(&r, BLADE_SHAVER);
-        int count = blade_parts(instruments_usual(), &move, parts, NULL);
+        int count = blade_parts(instruments_usual(), &move, true, parts, NULL);
         vec3 centres[2];
         for (int i = 0; i < 2; i++)
             centres[i] = pose_apply(move.T_mesh_tip[i], (vec3){0, 0, -2});
@@ -116,7 +116,7 @@ static void a_punch_takes_what_its_jaw_closes_over(void **state) {
     struct convex parts[CUT_PARTS_MAX];
     for (int round = 0; round < 200; round++) {
         struct blade_move move = random_move(&r, BLADE_PUNCH);
-        int count = blade_parts(instruments_usual(), &move, parts, NULL);
+        int count = blade_parts(instruments_usual(), &move, true, parts, NULL);
         for (int i = 0; i < 30; i++) {
             double opening = random_between(&r, 0, 1.2), along = random_between(&r, 1.01, 5.9);
             double angle = opening * 35 * RAD_PER_DEG, beside = random_between(&r, -1.7, 1.7);
@@ -128,7 +128,7 @@ static void a_punch_takes_what_its_jaw_closes_over(void **state) {
         double opening = move.opening[0];
         move.opening[0] = move.opening[1];
         move.opening[1] = opening;
-        assert_int_equal(blade_parts(instruments_usual(), &move, parts, NULL), 0);
+        assert_int_equal(blade_parts(instruments_usual(), &move, true, parts, NULL), 0);
     }
 }
 
@@ -145,7 +145,7 @@ static void a_punch_that_trembles_leaves_no_film(void **state) {
         move.T_mesh_tip[1].rotation = quat_multiply(move.T_mesh_tip[0].rotation, turn);
         move.T_mesh_tip[1].translation =
             vec3_add_scaled(move.T_mesh_tip[0].translation, gone ? -0.6 : -0.2, up);
-        int count = blade_parts(instruments_usual(), &move, parts, NULL);
+        int count = blade_parts(instruments_usual(), &move, true, parts, NULL);
         for (int i = 0; i < 30; i++) {
             double angle = move.opening[0] * 35 * RAD_PER_DEG - 1e-9;
             double along = random_between(&r, 1.01, 5.9), beside = random_between(&r, -1.7, 1.7);
@@ -161,13 +161,45 @@ static void a_knife_takes_its_kerf_along_its_way(void **state) {
     pose start = pose_identity(), end = pose_identity();
     end.translation = (vec3){0, 4, -1};
     struct blade_move move = {BLADE_KNIFE, {start, end}, {0}};
-    assert_int_equal(blade_parts(instruments_usual(), &move, parts, NULL), 1);
+    assert_int_equal(blade_parts(instruments_usual(), &move, true, parts, NULL), 1);
     double plate = 2.5 * 3.5, swept = 4 * 3.5 + 1 * 2.5; // of its plan, as it moves within it
     assert_near(parts[0].volume, 0.2 * (plate + swept), 1e-9);
     move.T_mesh_tip[1] = (pose){quat_from_axis_angle((vec3){1, 0, 0}, 0.3), {0, 0, 0}};
-    assert_int_equal(blade_parts(instruments_usual(), &move, parts, NULL), CUT_PARTS_MAX);
+    assert_int_equal(blade_parts(instruments_usual(), &move, true, parts, NULL), CUT_PARTS_MAX);
     for (int i = 0; i < CUT_PARTS_MAX; i++)
         assert_near(parts[i].box.max.x - parts[i].box.min.x, 0.2, 1e-9);
+}
+
+// Where the blade is at some time of a move.
+static vec3 random_point_of(struct random *r, const struct blade_move *move, double inset) {
+    vec3 low = {-0.1, -1.25, -3.5}, high = {0.1, 1.25, 0};
+    vec3 p = {random_between(r, low.x + inset, high.x - inset),
+              random_between(r, low.y + inset, high.y - inset),
+              random_between(r, low.z + inset, high.z - inset)};
+    return pose_apply(
+        pose_interpolate(move->T_mesh_tip[0], move->T_mesh_tip[1], random_between(r, 0, 1)), p);
+}
+
+static void a_knife_that_turns_takes_less_in_parts_that_fit_closer(void **state) {
+    (void)state;
+    struct random r = {12};
+    struct convex tight[CUT_PARTS_MAX], loose[CUT_PARTS_MAX];
+    int taken_tightly = 0, taken_loosely = 0;
+    for (int round = 0; round < 60; round++) {
+        struct blade_move move = random_move(&r, BLADE_KNIFE);
+        move.T_mesh_tip[1].translation =
+            vec3_add_scaled(move.T_mesh_tip[0].translation, 0.5, random_direction(&r));
+        int tights = blade_parts(instruments_usual(), &move, true, tight, NULL);
+        int looses = blade_parts(instruments_usual(), &move, false, loose, NULL);
+        assert_in_range(tights, 1, looses);
+        for (int i = 0; i < 300; i++) {
+            assert_true(contained(tight, tights, random_point_of(&r, &move, 1e-3)));
+            vec3 near = vec3_add(random_point_of(&r, &move, 0), random_in_box(&r, 0.2));
+            taken_tightly += contained(tight, tights, near);
+            taken_loosely += contained(loose, looses, near);
+        }
+    }
+    assert_true(taken_tightly < taken_loosely);
 }
 
 static void a_blade_that_cannot_be_made_is_told_with_its_place(void **state) {
@@ -177,7 +209,7 @@ static void a_blade_that_cannot_be_made_is_told_with_its_place(void **state) {
         struct error err = {0};
         pose far = {quat_identity(), {0, 250e3, 0}};
         struct blade_move move = {kind, {far, far}, {1, 0}};
-        assert_int_equal(blade_parts(instruments_usual(), &move, parts, &err), -1);
+        assert_int_equal(blade_parts(instruments_usual(), &move, true, parts, &err), -1);
         assert_non_null(strstr(err.text, channel_name((enum channel)(move.blade + CHANNEL_PUNCH))));
         assert_non_null(strstr(err.text, "0.0,250000.0,0.0: "));
     }
@@ -191,6 +223,7 @@ int main(void) {
         cmocka_unit_test(a_punch_takes_what_its_jaw_closes_over),
         cmocka_unit_test(a_punch_that_trembles_leaves_no_film),
         cmocka_unit_test(a_knife_takes_its_kerf_along_its_way),
+        cmocka_unit_test(a_knife_that_turns_takes_less_in_parts_that_fit_closer),
         cmocka_unit_test(a_blade_that_cannot_be_made_is_told_with_its_place),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -26,6 +26,7 @@ void grid_init(struct triangle_grid *grid, struct box box, double cell) {
         .origin = box.min, .cell = higher(cell, longest / 1024), .free = MESH_NONE};
     for (set_size(grid, box); cell_count(grid) > CELLS_MAX; set_size(grid, box))
         grid->cell *= 1.25;
+    grid->per_mm = 1 / grid->cell;
     grid->heads = alloc(cell_count(grid), sizeof *grid->heads);
     grid_clear(grid);
 }
@@ -57,7 +58,7 @@ struct cell_range {
 };
 
 static int cell_along(const struct triangle_grid *grid, int axis, double offset) {
-    double i = offset / grid->cell;
+    double i = offset * grid->per_mm;
     return i <= 0 ? 0 : i >= grid->size[axis] - 1 ? grid->size[axis] - 1 : (int)i;
 }
 
@@ -160,13 +161,25 @@ static void collect_cell(const struct triangle_grid *grid, uint32_t entry, struc
     }
 }
 
-// In a column of cells, those that do not lie outside a plane.
-static void cut_column(const struct triangle_grid *grid, const struct plane *plane, int x, int y,
-                       int *low, int *high) {
-    vec3 n = plane->normal, middle = {x + 0.5, y + 0.5, 0.5};
+// A plane for cells: n times the numbers of a cell is at most `rest` where the cell is not outside.
+struct cell_plane {
+    vec3 n;
+    double rest;
+};
+
+static struct cell_plane cell_plane_of(const struct triangle_grid *grid,
+                                       const struct plane *plane) {
+    vec3 n = plane->normal, middle = {0.5, 0.5, 0.5};
     double reach = (fabs(n.x) + fabs(n.y) + fabs(n.z)) / 2 * (1 + 1e-6);
-    double rest = (plane->offset - vec3_dot(n, grid->origin)) / grid->cell + reach;
-    rest -= vec3_dot(n, middle); // of n.z times the row of a cell at most
+    double offset = (plane->offset - vec3_dot(n, grid->origin)) * grid->per_mm;
+    return (struct cell_plane){n, offset + reach - vec3_dot(n, middle)};
+}
+
+// In a column of cells, those that do not lie outside a plane.
+static void cut_column(const struct triangle_grid *grid, const struct cell_plane *plane, int x,
+                       int y, int *low, int *high) {
+    vec3 n = plane->n;
+    double rest = plane->rest - n.x * x - n.y * y;
     if (fabs(n.z) < LEVEL)
         *high = rest < -LEVEL * grid->size[2] ? -1 : *high;
     else if (n.z > 0)
@@ -178,11 +191,14 @@ static void cut_column(const struct triangle_grid *grid, const struct plane *pla
 void grid_collect(const struct triangle_grid *grid, struct box box, const struct plane *planes,
                   int plane_count, struct stamped_set *seen, struct ids *out) {
     struct cell_range cells = cells_of(grid, box);
+    struct cell_plane bounds[CONVEX_PLANES_MAX];
+    for (int i = 0; i < plane_count; i++)
+        bounds[i] = cell_plane_of(grid, &planes[i]);
     for (int x = cells.low[0]; x <= cells.high[0]; x++)
         for (int y = cells.low[1]; y <= cells.high[1]; y++) {
             int low = cells.low[2], high = cells.high[2];
             for (int i = 0; i < plane_count && low <= high; i++)
-                cut_column(grid, &planes[i], x, y, &low, &high);
+                cut_column(grid, &bounds[i], x, y, &low, &high);
             for (int z = low; z <= high; z++)
                 collect_cell(grid, column_of(grid, x, y)[z], seen, out);
         }

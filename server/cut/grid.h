@@ -7,7 +7,8 @@
 
 struct triangle_grid {
     vec3 origin;
-    double cell; // mm
+    double cell;   // mm
+    double per_mm; // cells
     int size[3];
     uint32_t *heads; // first entry of each cell, z fastest
     struct grid_entry {

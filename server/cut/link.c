@@ -51,7 +51,7 @@ static bool match_sides(struct stage *stage, uint32_t border) {
         array_grow(stage->backs, &stage->back_room, 3 * stage->made_count, sizeof *stage->backs);
     for (uint32_t s = 0; s < 3 * stage->made_count; s++) {
         const struct side_entry *back = back_of(stage, s);
-        if (!sides_is_here(&stage->sides, back))
+        if (!sides_is_here(back))
             return stage_refuse(stage, "a side of a new triangle has no neighbour");
         border -= back->living;
         stage->backs[s] = (struct back_side){back->side, back->living};

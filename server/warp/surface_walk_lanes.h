@@ -17,7 +17,7 @@
 #define LEVEL_HIGH 6.4e-5
 
 #define SQUARE_MIN 1e-20 // of a distance from a centre
-#define STACK_MAX 128
+#define BLOCK_CHUNKS (BLOCK_LANES / WIDE)
 
 // How much of a piece counts, and how that changes with p.
 struct share {
@@ -51,59 +51,77 @@ LANES_INLINE void store_shares(struct block_shares *to, int at, const struct wid
 
 // ---- far pieces ---------------------------------------------------------------------------------
 
+// The pieces of one block.
 struct opening {
-    struct wide_shares whole, parts; // what is taken by its moments, and what is left to its parts
-    bool has_parts;                  // else *parts is not set
-    wide r[3], inverse;              // from the centre to p; 1/r²
+    const struct surface_block *block;
+    const struct block_moments *moments; // NULL for 0
+    struct share above;
+    bool has_parts;                   // else all are taken as a whole, with the share above
+    struct block_shares whole, parts; // what is taken by its moments, and what is left to its parts
+    block_lanes r[3], inverse;        // from the centre to p; 1/r²
 };
 
 // z and y from which pieces begin to be blended with their parts.
 #define FAR_ERROR_SHARE 0.25
 #define FAR_SIZE_SHARE 0.75
 
-LANES_INLINE void take_whole(const struct share *above, struct opening *out) {
-    out->whole.value = wide_of(above->value);
-    for (int i = 0; i < 3; i++)
-        out->whole.slope[i] = wide_of(above->slope[i]);
+LANES_INLINE struct wide_shares spread_share(const struct share *of) {
+    return (struct wide_shares){
+        wide_of(of->value), {wide_of(of->slope[0]), wide_of(of->slope[1]), wide_of(of->slope[2])}};
 }
 
-LANES_INLINE void blend_opening(const struct walk *walk, const struct share *above, wide z, wide y,
+LANES_INLINE void blend_opening(const struct walk *walk, int at, wide z, wide y,
                                 struct opening *out) {
     const double off[3] = {walk->off.x, walk->off.y, walk->off.z};
+    const struct share *above = &out->above;
+    struct wide_shares whole, parts;
     wide by_z, by_y, far_z = wide_ramp((1 - z) * (1 / (1 - FAR_ERROR_SHARE)), &by_z);
     wide far_y = wide_ramp((1 - y) * (1 / (1 - FAR_SIZE_SHARE)), &by_y), far = far_z * far_y;
     by_z = wide_choose(by_z > 0.0, by_z * (-1 / (1 - FAR_ERROR_SHARE)) * z * far_y, wide_of(0));
     by_y = wide_choose(by_y > 0.0, by_y * (-1 / (1 - FAR_SIZE_SHARE)) * y * far_z, wide_of(0));
-    wide along_r = (-14 * by_z - 2 * by_y) * out->inverse;
+    wide along_r = (-14 * by_z - 2 * by_y) * wide_load(out->inverse + at);
     wide along_off = by_z * (4 / walk->square);
-    out->whole.value = above->value * far;
-    out->parts.value = above->value * (1 - far);
+    whole.value = above->value * far;
+    parts.value = above->value * (1 - far);
     for (int i = 0; i < 3; i++) {
-        wide slope = above->value * (along_r * out->r[i] + along_off * off[i]);
-        out->whole.slope[i] = above->slope[i] * far + slope;
-        out->parts.slope[i] = above->slope[i] * (1 - far) - slope;
+        wide slope = above->value * (along_r * wide_load(out->r[i] + at) + along_off * off[i]);
+        whole.slope[i] = above->slope[i] * far + slope;
+        parts.slope[i] = above->slope[i] * (1 - far) - slope;
     }
+    store_shares(&out->whole, at, &whole);
+    store_shares(&out->parts, at, &parts);
 }
 
 // With t = r²: z = (radius²/t)³ (A d²/t²)² / FAR_ERROR², y = radius²/(FAR_SIZE t), and their ramps.
-LANES_INLINE void open_lanes(const struct walk *walk, const struct surface_block *block, int at,
-                             const struct share *above, struct opening *out) {
+LANES_INLINE void open_block(const struct walk *walk, const struct surface_block *block,
+                             const struct block_moments *moments, const struct share *above,
+                             struct opening *out) {
     const double p[3] = {walk->p.x, walk->p.y, walk->p.z};
-    for (int i = 0; i < 3; i++)
-        out->r[i] = p[i] - wide_load(block->centre[i] + at);
-    wide area = wide_load(block->area + at), t = wide_dot(out->r, out->r);
-    t = wide_choose(t > SQUARE_MIN, t, wide_of(SQUARE_MIN));
-    wide inverse = 1 / t, a = wide_load(block->square + at) * inverse;
-    wide c = area * inverse * (walk->square * inverse);
-    wide_mask real = area > 0.0;
-    wide z = wide_choose(real, a * a * a * (c * c) * (1 / (FAR_ERROR * FAR_ERROR)), wide_of(0));
-    wide y = wide_choose(real, a * (1 / FAR_SIZE), wide_of(0));
-    out->inverse = inverse;
-    out->has_parts = wide_any((z > FAR_ERROR_SHARE) | (y > FAR_SIZE_SHARE));
-    if (out->has_parts)
-        blend_opening(walk, above, z, y, out);
-    else
-        take_whole(above, out);
+    wide z[BLOCK_CHUNKS], y[BLOCK_CHUNKS];
+    wide_mask near = {0};
+    out->block = block;
+    out->moments = moments;
+    out->above = *above;
+    for (int i = 0; i < BLOCK_CHUNKS; i++) {
+        int at = i * WIDE;
+        wide r[3];
+        for (int k = 0; k < 3; k++) {
+            r[k] = p[k] - wide_load(block->centre[k] + at);
+            wide_store(out->r[k] + at, r[k]);
+        }
+        wide area = wide_load(block->area + at), t = wide_dot(r, r);
+        t = wide_choose(t > SQUARE_MIN, t, wide_of(SQUARE_MIN));
+        wide inverse = 1 / t, a = wide_load(block->square + at) * inverse;
+        wide c = area * inverse * (walk->square * inverse);
+        wide_mask real = area > 0.0;
+        wide_store(out->inverse + at, inverse);
+        z[i] = wide_choose(real, a * a * a * (c * c) * (1 / (FAR_ERROR * FAR_ERROR)), wide_of(0));
+        y[i] = wide_choose(real, a * (1 / FAR_SIZE), wide_of(0));
+        near |= (z[i] > FAR_ERROR_SHARE) | (y[i] > FAR_SIZE_SHARE);
+    }
+    out->has_parts = wide_any(near);
+    for (int i = 0; out->has_parts && i < BLOCK_CHUNKS; i++)
+        blend_opening(walk, i * WIDE, z[i], y[i], out);
 }
 
 // |r − s|⁻⁴ to second order in s. With f = r⁻⁴, g = 4 f/r², h = 6 g/r², k = 8 h/r², of which each
@@ -142,51 +160,44 @@ LANES_INLINE void add_far_field(struct lane_sums *sums, int at, const struct far
     }
 }
 
-LANES_INLINE void add_far(struct lane_sums *sums, const struct surface_block *block,
-                          const struct block_moments *m, int at, const struct opening *open) {
-    const wide *r = open->r;
-    wide S[6], Sr[3], share = open->whole.value, area = wide_load(block->area + at);
+LANES_INLINE void add_far(struct lane_sums *sums, const struct opening *open, int at,
+                          const struct wide_shares *whole) {
+    const struct surface_block *block = open->block;
+    wide r[3], inverse = wide_load(open->inverse + at), area = wide_load(block->area + at);
+    wide S[6], Sr[3], share = whole->value;
     struct far_lanes far;
+    for (int i = 0; i < 3; i++)
+        r[i] = wide_load(open->r[i] + at);
     for (int i = 0; i < 6; i++)
         S[i] = wide_load(block->spread[i] + at);
     Sr[0] = S[0] * r[0] + S[1] * r[1] + S[2] * r[2];
     Sr[1] = S[1] * r[0] + S[3] * r[1] + S[4] * r[2];
     Sr[2] = S[2] * r[0] + S[4] * r[1] + S[5] * r[2];
-    wide f = open->inverse * open->inverse, g = 4 * open->inverse * f;
-    wide h = 6 * open->inverse * g, k = 8 * open->inverse * h;
+    wide f = inverse * inverse, g = 4 * inverse * f;
+    wide h = 6 * inverse * g, k = 8 * inverse * h;
     wide rSr = wide_dot(r, Sr), trace = S[0] + S[3] + S[5];
     wide w = area * f + 0.5 * (h * rSr - g * trace);
     wide along = share * (0.5 * (h * trace - k * rSr) - g * area), across = share * h;
     far.w = share * w;
     far.g = share * g;
     for (int i = 0; i < 3; i++) {
-        far.q[i] = along * r[i] + across * Sr[i] + w * open->whole.slope[i];
-        far.v[i] = g * open->whole.slope[i] - across * r[i];
+        far.q[i] = along * r[i] + across * Sr[i] + w * whole->slope[i];
+        far.v[i] = g * whole->slope[i] - across * r[i];
         wide_add(sums->weight_slope[i] + at, far.q[i]);
     }
     wide_add(sums->weight + at, far.w);
     add_far_place(sums, at, &far, r, S, Sr);
-    if (m && m->moves)
-        add_far_field(sums, at, &far, r, m);
+    if (open->moments && open->moments->moves)
+        add_far_field(sums, at, &far, r, open->moments);
 }
 
-// Returns whether anything is left to the parts, and how much into *out_parts.
-LANES_INLINE bool take_far(struct walk *walk, const struct surface_block *block,
-                           const struct block_moments *m, const struct share *above,
-                           struct block_shares *out_parts) {
-    bool has_parts = false;
-    for (int at = 0; at < (int)block->count; at += WIDE) {
-        struct opening open;
-        open_lanes(walk, block, at, above, &open);
-        if (!open.has_parts || wide_any(open.whole.value > 0.0))
-            add_far(&walk->sums, block, m, at, &open);
-        if (open.has_parts)
-            store_shares(out_parts, at, &open.parts);
-        else
-            wide_store(out_parts->value + at, wide_of(0));
-        has_parts |= open.has_parts;
+LANES_INLINE void take_far(struct walk *walk, const struct opening *open) {
+    for (int at = 0; at < (int)open->block->count; at += WIDE) {
+        struct wide_shares whole =
+            open->has_parts ? load_shares(&open->whole, at) : spread_share(&open->above);
+        if (!open->has_parts || wide_any(whole.value > 0.0))
+            add_far(&walk->sums, open, at, &whole);
     }
-    return has_parts;
 }
 
 // ---- triangles in whose plane p nearly lies -----------------------------------------------------
@@ -214,7 +225,7 @@ WIDE_TARGET static void walk_parts(struct walk *walk, const struct surface_patch
     struct surface_patch parts[BLOCK_LANES] = {*patch}, halves[BLOCK_LANES];
     struct surface_block block = {.count = BLOCK_LANES};
     struct block_moments moments = {0};
-    struct block_shares left;
+    struct opening open;
     for (int count = 1; count < BLOCK_LANES; count *= 2) {
         for (int i = 0; i < count; i++)
             halve(&parts[i], halves + 2 * i);
@@ -222,11 +233,11 @@ WIDE_TARGET static void walk_parts(struct walk *walk, const struct surface_patch
     }
     for (int i = 0; i < BLOCK_LANES; i++)
         surface_patch_fill(&parts[i], i, &block, &moments);
-    if (!take_far(walk, &block, &moments, above, &left))
-        return;
-    for (int i = 0; i < BLOCK_LANES; i++)
-        if (left.value[i] > 0) {
-            struct share share = lane_share(&left, i);
+    open_block(walk, &block, &moments, above, &open);
+    take_far(walk, &open);
+    for (int i = 0; open.has_parts && i < BLOCK_LANES; i++)
+        if (open.parts.value[i] > 0) {
+            struct share share = lane_share(&open.parts, i);
             walk_parts(walk, &parts[i], &share);
         }
 }
@@ -433,26 +444,37 @@ LANES_INLINE void walk_triangles(struct walk *walk, const struct surface_block *
 
 // ---- the walk -----------------------------------------------------------------------------------
 
-struct step {
-    uint32_t block;
-    struct share share;
-};
+LANES_INLINE const struct block_moments *moments_of(const struct walk *walk, uint32_t block) {
+    return walk->moments ? &walk->moments[block] : NULL;
+}
+
+// The parts of a block are opened one after the other before any of them is walked: no opening
+// waits for another.
+WIDE_TARGET static void walk_block(struct walk *walk, struct opening *open) {
+    const struct surface_block *block = open->block;
+    struct opening below[BLOCK_LANES];
+    int count = 0;
+    take_far(walk, open);
+    if (!open->has_parts)
+        return;
+    if (block->is_bottom) {
+        walk_triangles(walk, block, open->moments && open->moments->moves, &open->parts);
+        return;
+    }
+    for (int i = 0; i < (int)block->count; i++)
+        if (open->parts.value[i] > 0) {
+            struct share share = lane_share(&open->parts, i);
+            uint32_t child = block->child[i];
+            open_block(walk, &walk->blocks->blocks[child], moments_of(walk, child), &share,
+                       &below[count++]);
+        }
+    while (count > 0)
+        walk_block(walk, &below[--count]);
+}
 
 LANES_INLINE void walk_all(struct walk *walk) {
-    struct step stack[STACK_MAX];
-    int depth = 1;
-    stack[0] = (struct step){0, {1, {0, 0, 0}}};
-    while (depth > 0) {
-        struct step step = stack[--depth];
-        const struct surface_block *block = &walk->blocks->blocks[step.block];
-        const struct block_moments *m = walk->moments ? &walk->moments[step.block] : NULL;
-        struct block_shares parts;
-        if (!take_far(walk, block, m, &step.share, &parts))
-            continue;
-        if (block->is_bottom)
-            walk_triangles(walk, block, m && m->moves, &parts);
-        for (int i = 0; !block->is_bottom && i < (int)block->count; i++)
-            if (parts.value[i] > 0)
-                stack[depth++] = (struct step){block->child[i], lane_share(&parts, i)};
-    }
+    const struct share all = {1, {0, 0, 0}};
+    struct opening open;
+    open_block(walk, walk->blocks->blocks, moments_of(walk, 0), &all, &open);
+    walk_block(walk, &open);
 }

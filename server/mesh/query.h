@@ -31,6 +31,21 @@ void query_destroy(struct query **query); // NULL inside is fine; *query becomes
 bool query_closest(const struct query *query, vec3 p, double max_distance, uint32_t hint,
                    struct closest *out_closest);
 
+// What one search tells about places around its own. Zero: nothing.
+#define QUERY_NEAR_MAX 12
+struct query_near {
+    uint64_t query; // whose search it was
+    vec3 from;
+    double clear; // what is in none of the clusters is farther than that from there
+    uint32_t count;
+    uint32_t clusters[QUERY_NEAR_MAX];
+    float away[QUERY_NEAR_MAX]; // from there, at least; the nearest first
+};
+
+// The answer of query_closest; while p moves little, what *near tells saves time.
+bool query_closest_near(const struct query *query, vec3 p, double max_distance, uint32_t hint,
+                        struct query_near *near, struct closest *out_closest);
+
 // The closest point of one triangle of a mesh: the same arithmetic, without a search.
 void closest_on_triangle(const struct mesh *mesh, uint32_t triangle, vec3 p,
                          struct closest *out_closest);

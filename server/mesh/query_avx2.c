@@ -1,10 +1,15 @@
 #if defined(__x86_64__)
 
 #define WIDE 8
+#define WIDE_TARGET __attribute__((target("avx2")))
 #include "mesh/query_search.h"
 
-__attribute__((target("avx2"))) void nearest_search_avx2(struct nearest_search *search) {
+WIDE_TARGET void nearest_search_avx2(struct nearest_search *search) {
     search_tree(search);
+}
+
+WIDE_TARGET void nearest_look_avx2(struct nearest_search *search) {
+    look_near(search);
 }
 
 #endif

@@ -1,5 +1,5 @@
-// The search of query.c for one CPU level: WIDE, 4 or 8, floats at once, as the including file
-// says. Lanes do not touch each other: the same bits for both.
+// The search of query.c for one CPU level: WIDE, 4 or 8, floats at once, for WIDE_TARGET, as the
+// including file says. Lanes do not touch each other: the same bits for both.
 #pragma once
 
 #include "mesh/cluster.h"
@@ -17,19 +17,42 @@ struct nearest_search {
     float square;  // in single precision: what is farther cannot be within the limit
     bool found;
     struct closest best;
+    struct query_near *near; // to be filled, or looked at; NULL: none
+    float near_square;       // what is farther is not for it
+    double moved;            // since it was filled, INFINITY where it is another query's
 };
 
 void nearest_limit(struct nearest_search *search, double limit);
 void nearest_try(struct nearest_search *search, uint32_t triangle);
 
-// What a processor may have; each finds the same.
+// A search passes something by at that distance, squared; or keeps a cluster for the next ones.
+void nearest_pass(struct nearest_search *search, float square);
+void nearest_keep(struct nearest_search *search, uint32_t cluster, float square);
+
+// What a processor may have; each finds the same. A look asks only the clusters in `near`.
 void nearest_search_plain(struct nearest_search *search);
 void nearest_search_avx2(struct nearest_search *search);
+void nearest_look_plain(struct nearest_search *search);
+void nearest_look_avx2(struct nearest_search *search);
 
-#define LANES_INLINE static inline __attribute__((always_inline))
+#define LANES_INLINE static inline __attribute__((always_inline)) WIDE_TARGET
 
 typedef float lanes __attribute__((vector_size(WIDE * sizeof(float))));
 typedef int32_t lane_mask __attribute__((vector_size(WIDE * sizeof(int32_t))));
+
+// One bit for each lane.
+LANES_INLINE uint32_t bits_of(lane_mask mask) {
+#if defined(__x86_64__) && WIDE == 8
+    return (uint32_t)__builtin_ia32_movmskps256((lanes)mask);
+#elif defined(__x86_64__)
+    return (uint32_t)__builtin_ia32_movmskps((lanes)mask);
+#else
+    uint32_t bits = 0;
+    for (int i = 0; i < WIDE; i++)
+        bits |= (uint32_t)(mask[i] & 1) << i;
+    return bits;
+#endif
+}
 
 LANES_INLINE lanes load(const float *from) {
     lanes out;
@@ -86,15 +109,26 @@ LANES_INLINE lanes cluster_squares(const struct cluster *c, int at, const float 
 }
 
 // Single precision finds who may be the closest, double precision decides.
-LANES_INLINE void visit_cluster(struct nearest_search *s, const struct cluster *cluster) {
+LANES_INLINE void visit_cluster(struct nearest_search *s, uint32_t index, bool keeps) {
+    const struct cluster *cluster = &s->tree->clusters[index];
     cluster_lanes squares;
+    uint32_t within = 0;
     for (int at = 0; at < CLUSTER_SIZE; at += WIDE) {
         lanes some = cluster_squares(cluster, at, s->p_single);
         memcpy(squares + at, &some, sizeof some);
+        within |= bits_of(some <= s->square) << at;
     }
-    for (int i = 0; i < CLUSTER_SIZE; i++)
+    for (; within; within &= within - 1) {
+        int i = __builtin_ctz(within);
         if (squares[i] <= s->square)
             nearest_try(s, cluster->triangles[i]);
+    }
+    if (keeps) {
+        float least = squares[0];
+        for (int i = 1; i < CLUSTER_SIZE; i++)
+            least = squares[i] < least ? squares[i] : least;
+        nearest_keep(s, index, least);
+    }
 }
 
 // ---- boxes --------------------------------------------------------------------------------------
@@ -119,19 +153,24 @@ struct visit {
 #define VISITS_MAX (CLUSTER_LEVELS_MAX * CLUSTER_SIZE)
 
 // The nearest comes to the top of the stack.
-LANES_INLINE int push_boxes(const struct nearest_search *s, int level, uint32_t block,
-                            struct visit *stack, int depth) {
+LANES_INLINE int push_boxes(struct nearest_search *s, int level, uint32_t block,
+                            struct visit *stack, int depth, bool keeps) {
     const struct cluster_boxes *boxes = &s->tree->levels[level][block];
-    uint32_t first = block * CLUSTER_SIZE, count = s->tree->counts[level] - first;
+    uint32_t first = block * CLUSTER_SIZE, count = s->tree->counts[level] - first, within = 0;
     int from = depth;
+    float most = keeps ? s->near_square : s->square;
     cluster_lanes squares;
     for (int at = 0; at < CLUSTER_SIZE; at += WIDE) {
         lanes some = box_squares(boxes, at, s->p_single);
         memcpy(squares + at, &some, sizeof some);
+        within |= bits_of(some <= most) << at;
     }
-    for (uint32_t i = 0; i < CLUSTER_SIZE && i < count; i++) {
-        if (!(squares[i] <= s->square))
-            continue;
+    within &= count < CLUSTER_SIZE ? (1U << count) - 1 : ~0U;
+    for (int i = 0; keeps && i < CLUSTER_SIZE; i++)
+        if (!(within >> i & 1))
+            nearest_pass(s, squares[i]);
+    for (; within; within &= within - 1) {
+        uint32_t i = (uint32_t)__builtin_ctz(within);
         int at = depth++;
         for (; at > from && stack[at - 1].square < squares[i]; at--)
             stack[at] = stack[at - 1];
@@ -140,16 +179,32 @@ LANES_INLINE int push_boxes(const struct nearest_search *s, int level, uint32_t 
     return depth;
 }
 
-LANES_INLINE void search_tree(struct nearest_search *s) {
+LANES_INLINE void walk_tree(struct nearest_search *s, bool keeps) {
     struct visit stack[VISITS_MAX];
-    int depth = push_boxes(s, s->tree->level_count - 1, 0, stack, 0);
+    int depth = push_boxes(s, s->tree->level_count - 1, 0, stack, 0, keeps);
     while (depth > 0) {
         struct visit visit = stack[--depth];
-        if (!(visit.square <= s->square))
+        bool is_near = visit.square <= (keeps ? s->near_square : s->square);
+        if (!is_near && keeps)
+            nearest_pass(s, visit.square);
+        if (!is_near)
             continue;
         if (visit.level == 0)
-            visit_cluster(s, &s->tree->clusters[visit.box]);
+            visit_cluster(s, visit.box, keeps);
         else
-            depth = push_boxes(s, visit.level - 1, visit.box, stack, depth);
+            depth = push_boxes(s, visit.level - 1, visit.box, stack, depth, keeps);
     }
+}
+
+LANES_INLINE void search_tree(struct nearest_search *s) {
+    if (s->near)
+        walk_tree(s, true);
+    else
+        walk_tree(s, false);
+}
+
+LANES_INLINE void look_near(struct nearest_search *s) {
+    const struct query_near *near = s->near;
+    for (uint32_t i = 0; i < near->count && (double)near->away[i] - s->moved <= s->limit; i++)
+        visit_cluster(s, near->clusters[i], false);
 }

@@ -45,8 +45,11 @@ bool field_takes(const struct field *field, const struct warp_surface *surface) 
 }
 
 void warp_memory_init(struct warp_memory *memory) {
-    for (int i = 0; i < WARP_SURFACES_MAX; i++)
+    for (int i = 0; i < WARP_SURFACES_MAX; i++) {
         memory->triangle[i] = MESH_NONE;
+        memory->near[i].query = 0;
+        memory->near[i].clear = 0;
+    }
 }
 
 // ---- one surface ----
@@ -237,7 +240,8 @@ static bool touch_surface(const struct warp_scene *scene, const struct field *fi
         return false;
     vec3 p = pose_apply_inverse(scene->T_world_body[surface->body], y);
     struct closest closest;
-    if (!query_closest(surface->query, p, reach, memory->triangle[index], &closest))
+    if (!query_closest_near(surface->query, p, reach, memory->triangle[index], &memory->near[index],
+                            &closest))
         return false;
     memory->triangle[index] = closest.triangle;
     struct stance stance = stance_of(scene, index);

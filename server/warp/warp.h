@@ -101,6 +101,7 @@ double field_reach(const struct warp_scene *scene, const struct field *field, st
 // call takes, never its result.
 struct warp_memory {
     uint32_t triangle[WARP_SURFACES_MAX];
+    struct query_near near[WARP_SURFACES_MAX];
 };
 
 void warp_memory_init(struct warp_memory *memory);

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #define WIDE 4
+#define WIDE_TARGET
 #include "mesh/query_search.h"
 #include "random.h"
 #include "scene/brute.h"
@@ -170,6 +171,39 @@ static void nothing_beyond_max_distance_is_found(void **state) {
     }
     query_destroy(&query);
     mesh_fini(&mesh);
+}
+
+// On ways of small and large steps, and where another query used the same memory between them.
+static void what_the_last_search_told_changes_no_answer(void **state) {
+    (void)state;
+    struct random r = {15};
+    struct mesh meshes[2];
+    struct query *queries[2];
+    struct query_near near = {0};
+    shape_bumpy(&meshes[0], (vec3){40, 30, 25}, 3, 30, 7);
+    shape_grid(&meshes[1], 30, 60);
+    for (int i = 0; i < 2; i++)
+        queries[i] = create(&meshes[i]);
+    for (int way = 0; way < 400; way++) {
+        const struct mesh *mesh = &meshes[way / 2 % 2];
+        const struct query *query = queries[way / 2 % 2];
+        uint32_t hint = MESH_NONE;
+        double step = pow(10, random_between(&r, -4, 1));
+        vec3 p = vec3_add(mesh_vertex(mesh, (uint32_t)way), random_in_box(&r, way % 3 ? 5 : 60));
+        for (int i = 0; i < 60; i++) {
+            struct closest answer, same;
+            double most = i % 4 ? INFINITY : random_between(&r, 0, 20);
+            bool found = query_closest(query, p, most, MESH_NONE, &answer);
+            assert_int_equal(query_closest_near(query, p, most, hint, &near, &same), found);
+            assert_true(!found || same_bits(&answer, &same));
+            hint = found ? answer.triangle : hint;
+            p = vec3_add_scaled(p, step, random_direction(&r));
+        }
+    }
+    for (int i = 0; i < 2; i++) {
+        query_destroy(&queries[i]);
+        mesh_fini(&meshes[i]);
+    }
 }
 
 static void a_point_on_the_surface_is_found_at_no_distance(void **state) {
@@ -441,13 +475,16 @@ static void threads_get_the_same_bits(void **state) {
 
 // ---- levels of CPUs ----
 
+// near: NULL for none.
 static struct closest search_by(void (*search)(struct nearest_search *search),
-                                const struct mesh *mesh, const struct cluster_tree *tree, vec3 p) {
+                                const struct mesh *mesh, const struct cluster_tree *tree, vec3 p,
+                                struct query_near *near) {
     struct nearest_search s = {.mesh = mesh,
                                .tree = tree,
                                .p = p,
                                .p_single = {(float)p.x, (float)p.y, (float)p.z},
-                               .margin = 1e-3};
+                               .margin = 1e-3,
+                               .near = near};
     nearest_limit(&s, INFINITY);
     search(&s);
     assert_true(s.found);
@@ -468,13 +505,24 @@ static void every_cpu_level_finds_the_same(void **state) {
         for (int i = 0; i < 200; i++) {
             vec3 p = random_in_box(&r, 50);
             struct closest best = closest_of_all(&mesh, p);
-            struct closest plain = search_by(nearest_search_plain, &mesh, &tree, p);
+            struct query_near near = {.from = p, .clear = INFINITY};
+            struct closest plain = search_by(nearest_search_plain, &mesh, &tree, p, NULL);
+            assert_true(same_bits(&plain, &best));
+            plain = search_by(nearest_search_plain, &mesh, &tree, p, &near);
+            assert_true(same_bits(&plain, &best));
+            plain = search_by(nearest_look_plain, &mesh, &tree, p, &near);
             assert_true(same_bits(&plain, &best));
 #ifdef __x86_64__
             if (!__builtin_cpu_supports("avx2"))
                 continue;
-            struct closest wide = search_by(nearest_search_avx2, &mesh, &tree, p);
+            struct query_near same = {.from = p, .clear = INFINITY};
+            struct closest wide = search_by(nearest_search_avx2, &mesh, &tree, p, NULL);
             assert_true(same_bits(&wide, &best));
+            wide = search_by(nearest_search_avx2, &mesh, &tree, p, &same);
+            assert_true(same_bits(&wide, &best));
+            wide = search_by(nearest_look_avx2, &mesh, &tree, p, &same);
+            assert_true(same_bits(&wide, &best));
+            assert_memory_equal(&same, &near, sizeof near);
 #endif
         }
         cluster_tree_fini(&tree);
@@ -487,6 +535,7 @@ int main(void) {
         cmocka_unit_test(answers_agree_with_every_triangle_tried),
         cmocka_unit_test(faces_edges_and_vertices_are_told_apart),
         cmocka_unit_test(nothing_beyond_max_distance_is_found),
+        cmocka_unit_test(what_the_last_search_told_changes_no_answer),
         cmocka_unit_test(a_point_on_the_surface_is_found_at_no_distance),
         cmocka_unit_test(ties_go_to_the_lower_triangle),
         cmocka_unit_test(an_edge_is_the_same_from_both_sides),

@@ -1,0 +1,374 @@
+#include "cluster/ownership.h"
+
+#include "base/check.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define WANTED_NS (5 * NS_PER_S) // a station that asks no more is not taken
+
+// One write is under way at most, of each key.
+struct pending {
+    uint64_t id; // 0: none
+    int64_t sent_ns;
+};
+
+struct own_station {
+    struct station_value value;
+    uint64_t revision, token;
+    enum station_owner owner;
+    struct pending pending;
+    struct station_value written; // by it
+    bool releases;
+    int64_t wanted_ns; // when it was last asked for; 0: it is not
+};
+
+struct ownership {
+    struct ownership_handler handler;
+    char name[SERVER_NAME_SIZE];
+    struct server_value value; // of the own key
+    uint64_t revision;         // of the own key, as known
+    struct pending pending;
+    bool is_in, leaves;
+    int64_t renewed_ns, begun_ns; // the send time of the last answered write; when this began
+    uint64_t life_before;
+    int64_t namesake_ns; // when a living namesake was last seen; 0: never
+    uint64_t ids, writes;
+    struct known_server *servers;
+    struct pending *deposals; // by server
+    int server_count;
+    int station_count;
+    struct own_station *stations;
+};
+
+struct ownership *ownership_create(const char *server, const struct server_value *value,
+                                   uint64_t life_before, int station_count,
+                                   const struct ownership_handler *handler, int64_t now_ns) {
+    struct ownership *o = alloc(1, sizeof *o);
+    o->handler = *handler;
+    o->value = *value;
+    o->value.life = handler->new_life(handler->user);
+    o->life_before = life_before;
+    o->begun_ns = now_ns;
+    o->station_count = station_count;
+    o->stations = alloc((size_t)station_count, sizeof *o->stations);
+    snprintf(o->name, sizeof o->name, "%s", server);
+    return o;
+}
+
+void ownership_destroy(struct ownership **ownership) {
+    struct ownership *o = *ownership;
+    if (!o)
+        return;
+    free(o->servers);
+    free(o->deposals);
+    free(o->stations);
+    free(o);
+    *ownership = NULL;
+}
+
+// ---- writing ------------------------------------------------------------------------------------
+
+static bool is_under_way(const struct pending *pending, int64_t now_ns) {
+    return pending->id && now_ns - pending->sent_ns < LEASE_ANSWER_NS;
+}
+
+static void send_write(struct ownership *o, struct pending *pending, struct key_write *write,
+                       int64_t now_ns) {
+    *pending = (struct pending){++o->ids, now_ns};
+    write->id = pending->id;
+    o->handler.write(o->handler.user, write);
+}
+
+static void write_own_key(struct ownership *o, int64_t now_ns) {
+    o->value.write = ++o->writes;
+    struct key_write write = {.server = o->name, .replaces = o->revision, .of_server = o->value};
+    if (o->leaves)
+        write.of_server.life = 0;
+    send_write(o, &o->pending, &write, now_ns);
+}
+
+static void depose(struct ownership *o, int index, int64_t now_ns) {
+    const struct known_server *server = &o->servers[index];
+    struct key_write write = {
+        .server = server->name, .replaces = server->revision, .of_server = server->value};
+    write.of_server.life = 0;
+    send_write(o, &o->deposals[index], &write, now_ns);
+}
+
+static void write_station(struct ownership *o, int station, const char *owner, int64_t now_ns) {
+    struct own_station *s = &o->stations[station];
+    struct key_write write = {.station = station, .replaces = s->revision};
+    write.of_station = (struct station_value){.life = o->value.life, .write = ++o->writes};
+    snprintf(write.of_station.server, sizeof write.of_station.server, "%s", owner);
+    s->written = write.of_station;
+    send_write(o, &s->pending, &write, now_ns);
+}
+
+// ---- stations -----------------------------------------------------------------------------------
+
+static void set_owner(struct ownership *o, int station, enum station_owner owner) {
+    struct own_station *s = &o->stations[station];
+    if (s->owner == owner)
+        return;
+    s->owner = owner;
+    if (owner != OWNER_SELF)
+        s->token = 0;
+    o->handler.changed(o->handler.user, station, owner);
+}
+
+static const struct known_server *find_server(const struct ownership *o, const char *name) {
+    for (int i = 0; i < o->server_count; i++)
+        if (!strcmp(o->servers[i].name, name))
+            return &o->servers[i];
+    return NULL;
+}
+
+static bool names_self(const struct ownership *o, const struct own_station *s) {
+    return !strcmp(s->value.server, o->name) && s->value.life == o->value.life;
+}
+
+// Who the key names, where it is not this server in this life.
+static enum station_owner named_owner(const struct ownership *o, const struct own_station *s,
+                                      int64_t now_ns) {
+    const struct known_server *server = find_server(o, s->value.server);
+    bool lives = server && server->value.life == s->value.life && ownership_lives(server, now_ns);
+    return lives ? OWNER_ELSEWHERE : OWNER_NONE;
+}
+
+bool ownership_lives(const struct known_server *server, int64_t now_ns) {
+    return server->value.life && now_ns - server->seen_ns < LEASE_DEAD_NS;
+}
+
+// A server whose key was never seen may live all the same until all keys were surely seen.
+static bool is_free(const struct ownership *o, const struct own_station *s, int64_t now_ns) {
+    if (!s->value.server[0] || !strcmp(s->value.server, o->name))
+        return true;
+    const struct known_server *server = find_server(o, s->value.server);
+    if (!server)
+        return now_ns - o->begun_ns >= LEASE_DEAD_NS;
+    return server->value.life != s->value.life;
+}
+
+static void take(struct ownership *o, int station, int64_t now_ns) {
+    struct own_station *s = &o->stations[station];
+    if (!ownership_is_valid(o, now_ns) || o->leaves || is_under_way(&s->pending, now_ns))
+        return;
+    if (is_free(o, s, now_ns)) {
+        write_station(o, station, o->name, now_ns);
+        return;
+    }
+    const struct known_server *server = find_server(o, s->value.server);
+    int index = server ? (int)(server - o->servers) : -1;
+    if (server && !ownership_lives(server, now_ns) && !is_under_way(&o->deposals[index], now_ns))
+        depose(o, index, now_ns);
+}
+
+static bool is_taken(const struct own_station *s) {
+    return s->owner == OWNER_TAKING || s->owner == OWNER_DOUBTFUL;
+}
+
+enum station_owner ownership_want(struct ownership *o, int station, int64_t now_ns) {
+    struct own_station *s = &o->stations[station];
+    s->wanted_ns = now_ns;
+    s->releases = false;
+    if (s->owner == OWNER_SELF || s->owner == OWNER_DOUBTFUL)
+        return s->owner;
+    enum station_owner owner = named_owner(o, s, now_ns);
+    if (owner == OWNER_NONE && ownership_is_valid(o, now_ns))
+        owner = OWNER_TAKING;
+    set_owner(o, station, owner);
+    if (owner == OWNER_TAKING)
+        take(o, station, now_ns);
+    return s->owner;
+}
+
+void ownership_release(struct ownership *o, int station, int64_t now_ns) {
+    struct own_station *s = &o->stations[station];
+    s->wanted_ns = 0;
+    s->releases = s->owner == OWNER_SELF;
+    if (s->releases)
+        write_station(o, station, "", now_ns);
+    set_owner(o, station, OWNER_NONE);
+}
+
+bool ownership_releases(const struct ownership *o, int station) {
+    return o->stations[station].releases;
+}
+
+static void own(struct ownership *o, int station, uint64_t revision) {
+    struct own_station *s = &o->stations[station];
+    s->token = revision;
+    set_owner(o, station, OWNER_SELF);
+}
+
+void ownership_saw_station(struct ownership *o, int station, const struct station_value *value,
+                           uint64_t revision, int64_t now_ns) {
+    struct own_station *s = &o->stations[station];
+    if (revision <= s->revision)
+        return;
+    s->revision = revision;
+    s->value = *value;
+    s->releases = names_self(o, s) && s->owner == OWNER_NONE; // of a late take, too
+    if (names_self(o, s) && !s->releases)
+        own(o, station, revision);
+    else if (s->owner != OWNER_NONE)
+        set_owner(o, station, named_owner(o, s, now_ns));
+}
+
+// What is there else will be seen.
+static void station_answered(struct ownership *o, int station, const struct station_value *written,
+                             enum write_answer answer, uint64_t revision, int64_t now_ns) {
+    if (answer == WRITE_DONE)
+        ownership_saw_station(o, station, written, revision, now_ns);
+}
+
+// ---- servers ------------------------------------------------------------------------------------
+
+bool ownership_is_valid(const struct ownership *o, int64_t now_ns) {
+    return o->is_in && now_ns - o->renewed_ns < LEASE_VALID_NS;
+}
+
+int64_t ownership_valid_until(const struct ownership *o) {
+    return o->is_in ? o->renewed_ns + LEASE_VALID_NS : 0;
+}
+
+bool ownership_has_namesake(const struct ownership *o, int64_t now_ns) {
+    return o->namesake_ns && now_ns - o->namesake_ns < LEASE_DEAD_NS;
+}
+
+// The stations stay away from others until they were seen to be taken, or are taken again.
+static void begin_anew(struct ownership *o) {
+    o->is_in = false;
+    o->value.life = o->handler.new_life(o->handler.user);
+    for (int i = 0; i < o->station_count; i++)
+        if (o->stations[i].owner == OWNER_SELF)
+            set_owner(o, i, OWNER_DOUBTFUL);
+}
+
+static void saw_own_key(struct ownership *o, const struct server_value *value, uint64_t revision,
+                        int64_t now_ns) {
+    if (revision <= o->revision)
+        return;
+    o->revision = revision;
+    if (value->life == o->value.life)
+        return;
+    if (value->life && value->life != o->life_before)
+        o->namesake_ns = now_ns;
+    if (o->is_in && !o->leaves)
+        begin_anew(o);
+}
+
+static int add_server(struct ownership *o, const char *name) {
+    int index = o->server_count++;
+    o->servers = alloc_resize(o->servers, (size_t)o->server_count, sizeof *o->servers);
+    o->deposals = alloc_resize(o->deposals, (size_t)o->server_count, sizeof *o->deposals);
+    o->servers[index] = (struct known_server){0};
+    o->deposals[index] = (struct pending){0};
+    snprintf(o->servers[index].name, sizeof o->servers[index].name, "%s", name);
+    return index;
+}
+
+void ownership_saw_server(struct ownership *o, const char *name, const struct server_value *value,
+                          uint64_t revision, int64_t now_ns) {
+    if (!strcmp(name, o->name)) {
+        saw_own_key(o, value, revision, now_ns);
+        return;
+    }
+    const struct known_server *known = find_server(o, name);
+    int index = known ? (int)(known - o->servers) : add_server(o, name);
+    struct known_server *server = &o->servers[index];
+    if (revision <= server->revision)
+        return;
+    server->value = *value;
+    server->revision = revision;
+    server->seen_ns = now_ns;
+}
+
+const struct known_server *ownership_server(const struct ownership *o, int index) {
+    return index < o->server_count ? &o->servers[index] : NULL;
+}
+
+static void own_key_answered(struct ownership *o, enum write_answer answer, uint64_t revision) {
+    int64_t sent_ns = o->pending.sent_ns;
+    o->pending.id = 0;
+    if (answer != WRITE_DONE || revision < o->revision)
+        return;
+    o->revision = revision;
+    o->is_in = !o->leaves;
+    o->renewed_ns = sent_ns;
+}
+
+static void deposal_answered(struct ownership *o, int index, enum write_answer answer,
+                             uint64_t revision) {
+    struct known_server *server = &o->servers[index];
+    o->deposals[index].id = 0;
+    if (answer != WRITE_DONE || revision <= server->revision)
+        return;
+    server->revision = revision;
+    server->value.life = 0;
+}
+
+void ownership_answered(struct ownership *o, uint64_t id, enum write_answer answer,
+                        uint64_t revision, int64_t now_ns) {
+    if (o->pending.id == id) {
+        own_key_answered(o, answer, revision);
+        return;
+    }
+    for (int i = 0; i < o->server_count; i++)
+        if (o->deposals[i].id == id) {
+            deposal_answered(o, i, answer, revision);
+            return;
+        }
+    for (int i = 0; i < o->station_count; i++)
+        if (o->stations[i].pending.id == id) {
+            o->stations[i].pending.id = 0;
+            station_answered(o, i, &o->stations[i].written, answer, revision, now_ns);
+            return;
+        }
+}
+
+void ownership_leave(struct ownership *o, int64_t now_ns) {
+    o->leaves = true;
+    o->is_in = false;
+    write_own_key(o, now_ns);
+}
+
+// ---- time ---------------------------------------------------------------------------------------
+
+static void renew(struct ownership *o, int64_t now_ns) {
+    bool due = !o->is_in || now_ns - o->renewed_ns >= LEASE_RENEW_NS;
+    if (due && !o->leaves && !is_under_way(&o->pending, now_ns) &&
+        !ownership_has_namesake(o, now_ns))
+        write_own_key(o, now_ns);
+}
+
+void ownership_tick(struct ownership *o, int64_t now_ns) {
+    renew(o, now_ns);
+    for (int i = 0; i < o->station_count; i++) {
+        struct own_station *s = &o->stations[i];
+        if (s->owner == OWNER_TAKING && now_ns - s->wanted_ns >= WANTED_NS)
+            set_owner(o, i, OWNER_NONE);
+        if (is_taken(s))
+            take(o, i, now_ns);
+        else if (s->releases && !is_under_way(&s->pending, now_ns))
+            write_station(o, i, "", now_ns);
+    }
+}
+
+uint64_t ownership_life(const struct ownership *o) {
+    return o->value.life;
+}
+
+const char *ownership_named(const struct ownership *o, int station) {
+    return o->stations[station].value.server;
+}
+
+enum station_owner ownership_of(const struct ownership *o, int station) {
+    return o->stations[station].owner;
+}
+
+uint64_t ownership_token(const struct ownership *o, int station) {
+    return o->stations[station].token;
+}

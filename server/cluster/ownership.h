@@ -1,0 +1,126 @@
+// Which server serves which station. This server's view of the keys of the lease, and what it
+// writes into them: no socket, no clock, no thread.
+//
+// There are two kinds of keys, and each write names the revision that it replaces, so of two
+// writers one learns that it came too late.
+//
+// A server's key says that the server lives: it writes its key anew every LEASE_RENEW_NS. It serves
+// until LEASE_VALID_NS after it sent the last write that was answered. Others count it as dead once
+// they have seen no write of it for LEASE_DEAD_NS. Who wants a station of a dead server first
+// deposes that server: it replaces the key. From then on the dead one cannot renew: should it come
+// back, it begins a new life, and owns only what it takes again.
+//
+// A station's key names the server that serves the station, with its life. It changes only where
+// the station is taken or released. Its revision is the fencing token: it rises from owner to
+// owner.
+#pragma once
+
+#include "base/clock.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define LEASE_RENEW_NS (3 * NS_PER_S)
+#define LEASE_VALID_NS (10 * NS_PER_S)
+#define LEASE_DEAD_NS (12 * NS_PER_S)
+#define LEASE_ANSWER_NS (2 * NS_PER_S) // a write without an answer for so long may be tried again
+
+#define SERVER_NAME_SIZE 64
+#define SERVER_ADDRESS_SIZE 128
+
+struct server_value {
+    uint64_t life;                      // random; 0: deposed
+    uint64_t write;                     // number of this write in that life
+    char stations[SERVER_ADDRESS_SIZE]; // where stations reach it, HOST:PORT
+    char pages[SERVER_ADDRESS_SIZE];    // where browsers and other servers do
+};
+
+struct station_value {
+    char server[SERVER_NAME_SIZE]; // empty: nobody
+    uint64_t life;                 // of the server
+    uint64_t write;                // number of the write in that life
+};
+
+struct key_write {
+    uint64_t id;        // from 1: names the answer
+    const char *server; // of a server's key; NULL: of a station's
+    int station;        // index
+    uint64_t replaces;  // revision; 0: there is no such key yet
+    struct server_value of_server;
+    struct station_value of_station;
+};
+
+enum write_answer {
+    WRITE_DONE,
+    WRITE_LATE,   // another revision is there
+    WRITE_UNKNOWN // no answer: it may be there or not
+};
+
+enum station_owner {
+    OWNER_NONE,      // nobody, as far as is known
+    OWNER_ELSEWHERE, // another server, which lives
+    OWNER_TAKING,    // this server is about to own it
+    OWNER_SELF,
+    OWNER_DOUBTFUL // it was this server's in the life before, which ended without its will
+};
+
+struct ownership_handler {
+    void *user;
+    void (*write)(void *user, const struct key_write *write);
+    // From OWNER_DOUBTFUL to OWNER_SELF or away: whether the session goes on. Also any other
+    // change.
+    void (*changed)(void *user, int station, enum station_owner owner);
+    uint64_t (*new_life)(void *user); // random, not 0
+};
+
+struct ownership;
+
+// Handlers are called from within the calls below. `value`: of this server, but for life and write.
+// life_before: of the process that had this server's folders last, which has surely ended; or 0.
+struct ownership *ownership_create(const char *server, const struct server_value *value,
+                                   uint64_t life_before, int station_count,
+                                   const struct ownership_handler *handler, int64_t now_ns);
+void ownership_destroy(struct ownership **ownership); // NULL inside is fine
+
+// ---- what was seen and answered. Revisions may come late and twice. `name`: of the key.
+void ownership_saw_server(struct ownership *o, const char *name, const struct server_value *value,
+                          uint64_t revision, int64_t now_ns);
+void ownership_saw_station(struct ownership *o, int station, const struct station_value *value,
+                           uint64_t revision, int64_t now_ns);
+void ownership_answered(struct ownership *o, uint64_t id, enum write_answer answer,
+                        uint64_t revision, int64_t now_ns);
+// Some times a second.
+void ownership_tick(struct ownership *o, int64_t now_ns);
+
+// ---- what this server wants
+
+// A station asks for its session here: takes it where that may be. To be called again while the
+// station waits. OWNER_NONE: this server cannot take anything now.
+enum station_owner ownership_want(struct ownership *o, int station, int64_t now_ns);
+// The session has ended, or goes on elsewhere. It is tried until it is done or seen to be needless.
+void ownership_release(struct ownership *o, int station, int64_t now_ns);
+bool ownership_releases(const struct ownership *o, int station);
+// A server that ends: its own key is deposed by itself, so that nobody waits for its death.
+void ownership_leave(struct ownership *o, int64_t now_ns);
+
+// ---- what is so
+
+enum station_owner ownership_of(const struct ownership *o, int station);
+const char *ownership_named(const struct ownership *o, int station); // by the key; empty: nobody
+uint64_t ownership_life(const struct ownership *o);                  // of this server
+uint64_t ownership_token(const struct ownership *o, int station);    // of OWNER_SELF, else 0
+// Whether this server may serve: its life is confirmed, and recently.
+bool ownership_is_valid(const struct ownership *o, int64_t now_ns);
+// Another server of this name lives: this one stays out.
+bool ownership_has_namesake(const struct ownership *o, int64_t now_ns);
+int64_t ownership_valid_until(const struct ownership *o); // 0: not valid
+
+// The servers that were ever seen, but this one. NULL behind the last.
+struct known_server {
+    char name[SERVER_NAME_SIZE];
+    struct server_value value;
+    uint64_t revision;
+    int64_t seen_ns;
+};
+const struct known_server *ownership_server(const struct ownership *o, int index);
+bool ownership_lives(const struct known_server *server, int64_t now_ns);

@@ -184,7 +184,8 @@ static void find_same(struct conform *c) {
     uint32_t mask = make_table(f), from = 0;
     room_for(&f->stays, &f->stays_room, f->whole_count);
     room_for(&f->same, &f->same_room, c->whole_target.count);
-    memset(f->stays, 0, f->whole_count * sizeof *f->stays);
+    if (f->whole_count)
+        memset(f->stays, 0, f->whole_count * sizeof *f->stays);
     for (uint32_t i = 0; i < c->whole_target.count; i++) {
         f->same[i] = find_before(f, c->whole_target.at[i].corners, from, mask);
         if (f->same[i] == MESH_NONE)

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/log.h"
+#include "base/password_file.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -335,17 +336,6 @@ static void on_fault(natsConnection *connection, natsSubscription *sub, natsStat
     log_debug("cluster", "NATS: %s", natsStatus_GetText(status));
 }
 
-static enum result read_password(const char *path, char out[JET_TEXT_SIZE], struct error *err) {
-    FILE *file = fopen(path, "re");
-    bool got = file && fgets(out, JET_TEXT_SIZE, file);
-    if (file)
-        fclose(file);
-    if (!got)
-        return fail(err, RESULT_MISSING, "%s: the password for NATS cannot be read", path);
-    out[strcspn(out, "\r\n")] = '\0';
-    return RESULT_OK;
-}
-
 static natsStatus set_trust(struct jet *jet) {
     const struct jet_settings *c = &jet->settings;
     natsStatus status = NATS_OK;
@@ -390,9 +380,12 @@ static enum result set_user(struct jet *jet, struct error *err) {
     const struct jet_settings *c = &jet->settings;
     if (!c->user[0])
         return RESULT_OK;
-    enum result result = c->password[0] ? read_password(c->password, password, err) : RESULT_OK;
+    enum result result =
+        c->password[0] ? password_file_read(c->password, "NATS", password, sizeof password, err)
+                       : RESULT_OK;
     if (result == RESULT_OK)
         natsOptions_SetUserInfo(jet->options, c->user, password);
+    explicit_bzero(password, sizeof password);
     return result;
 }
 

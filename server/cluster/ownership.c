@@ -8,6 +8,14 @@
 
 #define WANTED_NS (5 * NS_PER_S) // a station that asks no more is not taken
 
+// Of this server's own key it is the members of struct ownership that tell.
+struct known_server {
+    char name[SERVER_NAME_SIZE];
+    struct server_value value;
+    uint64_t revision;
+    int64_t seen_ns;
+};
+
 // One write is under way at most, of each key.
 struct pending {
     uint64_t id; // 0: none
@@ -129,16 +137,16 @@ static bool names_self(const struct ownership *o, const struct own_station *s) {
     return !strcmp(s->value.server, o->name) && s->value.life == o->value.life;
 }
 
+static bool lives(const struct known_server *server, int64_t now_ns) {
+    return server->value.life && now_ns - server->seen_ns < LEASE_DEAD_NS;
+}
+
 // Who the key names, where it is not this server in this life.
 static enum station_owner named_owner(const struct ownership *o, const struct own_station *s,
                                       int64_t now_ns) {
     const struct known_server *server = find_server(o, s->value.server);
-    bool lives = server && server->value.life == s->value.life && ownership_lives(server, now_ns);
-    return lives ? OWNER_ELSEWHERE : OWNER_NONE;
-}
-
-bool ownership_lives(const struct known_server *server, int64_t now_ns) {
-    return server->value.life && now_ns - server->seen_ns < LEASE_DEAD_NS;
+    bool serves = server && server->value.life == s->value.life && lives(server, now_ns);
+    return serves ? OWNER_ELSEWHERE : OWNER_NONE;
 }
 
 // A server whose key was never seen may live all the same until all keys were surely seen.
@@ -161,11 +169,11 @@ static void take(struct ownership *o, int station, int64_t now_ns) {
     }
     const struct known_server *server = find_server(o, s->value.server);
     int index = server ? (int)(server - o->servers) : -1;
-    if (server && !ownership_lives(server, now_ns) && !is_under_way(&o->deposals[index], now_ns))
+    if (server && !lives(server, now_ns) && !is_under_way(&o->deposals[index], now_ns))
         depose(o, index, now_ns);
 }
 
-static bool is_taken(const struct own_station *s) {
+static bool is_to_be_taken(const struct own_station *s) {
     return s->owner == OWNER_TAKING || s->owner == OWNER_DOUBTFUL;
 }
 
@@ -193,10 +201,6 @@ void ownership_release(struct ownership *o, int station, int64_t now_ns) {
     set_owner(o, station, OWNER_NONE);
 }
 
-bool ownership_releases(const struct ownership *o, int station) {
-    return o->stations[station].releases;
-}
-
 static void own(struct ownership *o, int station, uint64_t revision) {
     struct own_station *s = &o->stations[station];
     s->token = revision;
@@ -217,21 +221,10 @@ void ownership_saw_station(struct ownership *o, int station, const struct statio
         set_owner(o, station, named_owner(o, s, now_ns));
 }
 
-// What is there else will be seen.
-static void station_answered(struct ownership *o, int station, const struct station_value *written,
-                             enum write_answer answer, uint64_t revision, int64_t now_ns) {
-    if (answer == WRITE_DONE)
-        ownership_saw_station(o, station, written, revision, now_ns);
-}
-
 // ---- servers ------------------------------------------------------------------------------------
 
 bool ownership_is_valid(const struct ownership *o, int64_t now_ns) {
     return o->is_in && now_ns - o->renewed_ns < LEASE_VALID_NS;
-}
-
-int64_t ownership_valid_until(const struct ownership *o) {
-    return o->is_in ? o->renewed_ns + LEASE_VALID_NS : 0;
 }
 
 bool ownership_has_namesake(const struct ownership *o, int64_t now_ns) {
@@ -286,10 +279,6 @@ void ownership_saw_server(struct ownership *o, const char *name, const struct se
     server->seen_ns = now_ns;
 }
 
-const struct known_server *ownership_server(const struct ownership *o, int index) {
-    return index < o->server_count ? &o->servers[index] : NULL;
-}
-
 static void own_key_answered(struct ownership *o, enum write_answer answer, uint64_t revision) {
     int64_t sent_ns = o->pending.sent_ns;
     o->pending.id = 0;
@@ -324,7 +313,8 @@ void ownership_answered(struct ownership *o, uint64_t id, enum write_answer answ
     for (int i = 0; i < o->station_count; i++)
         if (o->stations[i].pending.id == id) {
             o->stations[i].pending.id = 0;
-            station_answered(o, i, &o->stations[i].written, answer, revision, now_ns);
+            if (answer == WRITE_DONE) // else what is there will be seen
+                ownership_saw_station(o, i, &o->stations[i].written, revision, now_ns);
             return;
         }
 }
@@ -350,15 +340,11 @@ void ownership_tick(struct ownership *o, int64_t now_ns) {
         struct own_station *s = &o->stations[i];
         if (s->owner == OWNER_TAKING && now_ns - s->wanted_ns >= WANTED_NS)
             set_owner(o, i, OWNER_NONE);
-        if (is_taken(s))
+        if (is_to_be_taken(s))
             take(o, i, now_ns);
         else if (s->releases && !is_under_way(&s->pending, now_ns))
             write_station(o, i, "", now_ns);
     }
-}
-
-uint64_t ownership_life(const struct ownership *o) {
-    return o->value.life;
 }
 
 const char *ownership_named(const struct ownership *o, int station) {

@@ -83,6 +83,7 @@ struct ownership *ownership_create(const char *server, const struct server_value
 void ownership_destroy(struct ownership **ownership); // NULL inside is fine
 
 // ---- what was seen and answered. Revisions may come late and twice. `name`: of the key.
+// station: an index below station_count.
 void ownership_saw_server(struct ownership *o, const char *name, const struct server_value *value,
                           uint64_t revision, int64_t now_ns);
 void ownership_saw_station(struct ownership *o, int station, const struct station_value *value,
@@ -99,7 +100,6 @@ void ownership_tick(struct ownership *o, int64_t now_ns);
 enum station_owner ownership_want(struct ownership *o, int station, int64_t now_ns);
 // The session has ended, or goes on elsewhere. It is tried until it is done or seen to be needless.
 void ownership_release(struct ownership *o, int station, int64_t now_ns);
-bool ownership_releases(const struct ownership *o, int station);
 // A server that ends: its own key is deposed by itself, so that nobody waits for its death.
 void ownership_leave(struct ownership *o, int64_t now_ns);
 
@@ -107,20 +107,8 @@ void ownership_leave(struct ownership *o, int64_t now_ns);
 
 enum station_owner ownership_of(const struct ownership *o, int station);
 const char *ownership_named(const struct ownership *o, int station); // by the key; empty: nobody
-uint64_t ownership_life(const struct ownership *o);                  // of this server
 uint64_t ownership_token(const struct ownership *o, int station);    // of OWNER_SELF, else 0
 // Whether this server may serve: its life is confirmed, and recently.
 bool ownership_is_valid(const struct ownership *o, int64_t now_ns);
 // Another server of this name lives: this one stays out.
 bool ownership_has_namesake(const struct ownership *o, int64_t now_ns);
-int64_t ownership_valid_until(const struct ownership *o); // 0: not valid
-
-// The servers that were ever seen, but this one. NULL behind the last.
-struct known_server {
-    char name[SERVER_NAME_SIZE];
-    struct server_value value;
-    uint64_t revision;
-    int64_t seen_ns;
-};
-const struct known_server *ownership_server(const struct ownership *o, int index);
-bool ownership_lives(const struct known_server *server, int64_t now_ns);

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/password_file.h"
 #include "xapi/words.h"
 
 #include <curl/curl.h>
@@ -18,6 +19,8 @@
 #define PASSWORD_MAX 256
 #define REPLY_MAX 200             // bytes of a reply that the log shows
 #define REPLY_BYTES_MAX (1 << 20) // a store answers with the ids of a batch
+
+static const char of_store[] = "the learning record store"; // the password
 
 struct sender {
     struct outbox *outbox;
@@ -53,18 +56,6 @@ static size_t take_reply(char *bytes, size_t size, size_t count, void *user) {
 static int look_for_end(void *user, curl_off_t a, curl_off_t b, curl_off_t c, curl_off_t d) {
     (void)a, (void)b, (void)c, (void)d;
     return atomic_load(&((struct sender *)user)->breaks_off);
-}
-
-static enum result read_password(const char *path, char out[PASSWORD_MAX], struct error *err) {
-    FILE *file = fopen(path, "re");
-    bool got = file && fgets(out, PASSWORD_MAX, file);
-    if (file)
-        fclose(file);
-    if (!got)
-        return fail(err, RESULT_MISSING, "%s: the password of the learning record store: %s", path,
-                    file ? "the first line is empty" : strerror(errno));
-    out[strcspn(out, "\r\n")] = '\0';
-    return RESULT_OK;
 }
 
 // Lines first to last of the batch as a JSON array; an empty line is none.
@@ -112,7 +103,7 @@ static enum outcome outcome_of(long status) {
 static enum outcome post(struct sender *s, int first, int last, struct error *err) {
     char password[PASSWORD_MAX];
     long status = 0;
-    if (read_password(s->password, password, err) != RESULT_OK)
+    if (password_file_read(s->password, of_store, password, sizeof password, err) != RESULT_OK)
         return LATER;
     write_body(s, first, last);
     memset(s->reply, 0, sizeof s->reply);
@@ -276,7 +267,8 @@ enum result sender_start(const struct sender_config *config, struct outbox *outb
     if (strncmp(config->server, "https://", 8))
         return fail(err, RESULT_INVALID, "%s: not an address like https://lrs.example.org/xapi",
                     config->server);
-    enum result result = read_password(config->password, password, err);
+    enum result result =
+        password_file_read(config->password, of_store, password, sizeof password, err);
     if (result != RESULT_OK)
         return result;
     explicit_bzero(password, sizeof password);

@@ -10,7 +10,6 @@
 
 #define TICK_NS (250 * NS_PER_MS)
 #define ASK_NS (200 * NS_PER_MS)
-#define KEYS_MAX 4096
 
 // ---- what happens when
 // ----------------------------------------------------------------------------

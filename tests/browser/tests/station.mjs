@@ -85,7 +85,7 @@ function strong({ data }) {
   let count = 0;
   for (let at = 0; at < data.length; at += 4) {
     const [r, b] = [data[at], data[at + 2]];
-    if (Math.max(r, b) > 60 && Math.min(r, b) < 0.8 * Math.max(r, b)) count++;
+    if (Math.max(r, b) > 60 && Math.min(r, b) < 0.9 * Math.max(r, b)) count++;
   }
   return count;
 }

@@ -103,7 +103,7 @@ static enum result run_past(struct landing_run *g, const struct export_request *
         struct error why; // of damage and of an early end the pass before has told
         if (trace_play(reader, &player, &why) == RESULT_IO)
             result = fail(err, RESULT_IO, "%s", why.text);
-        rerun_release(&g->rerun, &session, &g->operation, &g->pending);
+        rerun_release(&g->rerun, &session, &g->operation, &g->pending, NULL);
         session_destroy(&session);
     }
     trace_reader_destroy(&reader);

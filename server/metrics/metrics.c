@@ -183,6 +183,14 @@ static void step_instrument(struct metrics *m, int instrument, const struct sess
         break_motion(one);
 }
 
+static void land(struct metrics *m, const struct landed *landed, bool is_undone) {
+    if (!landed->job)
+        return;
+    m->tissues[landed->tissue] = landed->figures;
+    m->resected[landed->tissue] = true;
+    m->undone[landed->tissue] += is_undone;
+}
+
 void metrics_step(struct metrics *m, const struct session_input *input,
                   const struct session_output *output) {
     if (input->kind == INPUT_RESET && output->state != SESSION_CLOSED)
@@ -191,14 +199,17 @@ void metrics_step(struct metrics *m, const struct session_input *input,
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         step_instrument(m, i, input, output);
     follow_forces(m, input, output->time_ns);
-    if (output->landed.job) {
-        m->tissues[output->landed.tissue] = output->landed.figures;
-        m->resected[output->landed.tissue] = true;
-        m->undone[output->landed.tissue] += (output->events & EVENT_UNDONE) != 0;
-    }
+    land(m, &output->landed, output->events & EVENT_UNDONE);
     m->stepped = true;
     m->time_ns = output->time_ns;
     m->running = output->state == SESSION_RUNNING;
+}
+
+void metrics_pass(struct metrics *m, enum input_kind kind, const struct landed *landed,
+                  bool is_undo) {
+    if (kind == INPUT_RESET)
+        metrics_init(m, &m->tools, m->optic);
+    land(m, landed, is_undo && landed->outcome == JOB_DONE);
 }
 
 void metrics_interrupt(struct metrics *m) {

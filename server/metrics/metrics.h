@@ -76,6 +76,11 @@ void metrics_keep(struct metrics *metrics, struct kept *kept);
 void metrics_step(struct metrics *metrics, const struct session_input *input,
                   const struct session_output *output);
 
+// The same for a step of which only its input and what landed are at hand: of another server.
+// is_undo: the job that landed undid a stroke.
+void metrics_pass(struct metrics *metrics, enum input_kind kind, const struct landed *landed,
+                  bool is_undo);
+
 // Call it where the server was killed and started again: the values of the last step no longer
 // count, and no motion is bridged.
 void metrics_interrupt(struct metrics *metrics);

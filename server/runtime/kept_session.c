@@ -1,47 +1,71 @@
 #include "runtime/kept_session.h"
 
 #include "base/check.h"
+#include "trace/state_session.h"
 
 #include <stdlib.h>
 #include <string.h>
 
+static void write_attempt(const struct session_runtime *session, struct kept *k) {
+    const struct session_attempt *runs = session->attempt;
+    struct kept_attempt attempt = {.begun = session->attempts};
+    size_t begin = state_section_begin(k);
+    if (runs && runs->attempt.end == ATTEMPT_RUNS) {
+        attempt.number = runs->number;
+        attempt.begun_ns = runs->begun_ns;
+        attempt.attempt = runs->attempt;
+    }
+    kept_attempt_keep(&attempt, k);
+    state_section_end(k, begin);
+}
+
 void kept_session_write(const struct session_runtime *session, const struct job *asked,
                         struct kept *k) {
     struct job job = *asked;
-    session_keep(session->session, &job, NULL, k);
+    write_attempt(session, k);
+    size_t begin = state_section_begin(k);
     metrics_keep((struct metrics *)(uintptr_t)&session->metrics.metrics, k);
+    state_section_end(k, begin);
+    begin = state_section_begin(k);
+    session_keep(session->session, &job, NULL, k);
+    state_section_end(k, begin);
+    begin = state_section_begin(k);
     snapshot_keep((struct snapshot_maker *)(uintptr_t)&session->snapshots, k);
+    state_section_end(k, begin);
 }
 
 void kept_session_join(const struct kept *session, const struct kept *operation,
                        struct trace_state *state) {
-    uint64_t size = session->used;
-    state->size = sizeof size + session->used + operation->used;
+    state->size = session->used + sizeof(uint64_t) + operation->used;
     state->content = alloc(state->size, 1);
     struct kept all = kept_into(state->content, state->size);
-    kept_u64(&all, &size);
     kept_bytes(&all, session->data, session->used);
+    size_t begin = state_section_begin(&all);
     kept_bytes(&all, operation->data, operation->used);
+    state_section_end(&all, begin);
     CHECK(!all.bad && all.used == all.size);
 }
 
-// The operation first: it has the touch that the session eases to.
-static bool read_parts(const struct trace_state *state, struct kept_session *out) {
-    uint64_t size;
-    struct kept all = kept_from(state->content, state->size);
-    kept_u64(&all, &size);
-    if (all.bad || size > kept_left(&all))
-        return false;
-    const uint8_t *data = all.data + all.used;
-    struct kept session = kept_from(data, (size_t)size);
-    struct kept operation = kept_from(data + size, kept_left(&all) - (size_t)size);
-    operation_keep(out->operation, &operation);
-    if (operation.bad || kept_left(&operation))
-        return false;
-    session_keep(out->session, &out->asked, out->operation, &session);
-    metrics_keep(&out->metrics, &session);
-    snapshot_keep(&out->snapshots, &session);
-    return !session.bad && !kept_left(&session);
+static bool is_read(const struct kept *k) {
+    return !k->bad && !kept_left(k);
+}
+
+static bool read_rest(const struct trace_state *state, struct kept_session *out) {
+    struct kept metrics = state_section(state, STATE_METRICS);
+    struct kept snapshot = state_section(state, STATE_SNAPSHOT);
+    metrics_keep(&out->metrics, &metrics);
+    snapshot_keep(&out->snapshots, &snapshot);
+    return is_read(&metrics) && is_read(&snapshot);
+}
+
+enum result kept_session_attempt(const struct trace_state *state, struct kept_attempt *out,
+                                 struct error *err) {
+    memset(out, 0, sizeof *out);
+    if (state->format != KEPT_FORMAT)
+        return fail(err, RESULT_VERSION, "the state is of format %u", state->format);
+    struct kept k = state_section(state, STATE_ATTEMPT);
+    kept_attempt_keep(out, &k);
+    return is_read(&k) ? RESULT_OK : fail(err, RESULT_FORMAT, "its attempt is damaged");
 }
 
 enum result kept_session_read(const struct trace_state *state, const struct scene *scene,
@@ -51,12 +75,12 @@ enum result kept_session_read(const struct trace_state *state, const struct scen
     memset(out, 0, sizeof *out);
     metrics_init(&out->metrics, &settings->instruments, header->optic);
     snapshot_begin(&out->snapshots, 0, header->start_ns);
-    if (settings->rules != RULES_NEWEST)
-        return fail(err, RESULT_FORMAT, "a session by older rules is not kept");
-    out->session = session_create(scene, settings);
-    out->operation = operation_create(scene, settings->rules, &settings->instruments);
-    if (read_parts(state, out) && session_hash(out->session) == state->output_hash)
-        return RESULT_OK;
+    enum result result = kept_session_attempt(state, &out->attempt, err);
+    if (result == RESULT_OK)
+        result = state_session_read(state, scene, settings, &out->session, &out->operation,
+                                    &out->asked, err);
+    if (result != RESULT_OK || read_rest(state, out))
+        return result;
     session_destroy(&out->session);
     operation_destroy(&out->operation);
     return fail(err, RESULT_FORMAT, "it is not the state of this session");

@@ -82,8 +82,8 @@ void closing_close(struct sessions *s, const char *path, const char *why) {
     struct error err;
     if (!read_open(s, path, &trace))
         return;
-    if (trace_writer_resume(path, &trace.place, clock_utc_ns(), &s->trace_signer, &writer, &err) !=
-        RESULT_OK) {
+    if (trace_writer_resume(path, &trace.place, clock_utc_ns(), &s->trace_signer, NULL, &writer,
+                            &err) != RESULT_OK) {
         log_error("sessions", "a trace could not be closed: %s", err.text);
         return;
     }

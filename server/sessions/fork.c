@@ -136,7 +136,7 @@ static enum result write_trace(struct fork *f, const char *from, struct error *e
         return fail(err, RESULT_LIMIT, "%s: the path is too long", f->path);
     }
     struct trace_writer **trace = &f->restored.session->runtime.trace;
-    result = trace_writer_create(f->draft, &f->header, &s->trace_signer, trace, err);
+    result = trace_writer_create(f->draft, &f->header, &s->trace_signer, NULL, trace, err);
     return result == RESULT_OK ? copy_inputs(s, &f->restored, from, *trace, err) : result;
 }
 

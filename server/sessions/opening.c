@@ -129,7 +129,7 @@ static enum result open_session(struct sessions *s, int station, struct error *e
     if (result == RESULT_OK)
         result = opening_trace_path(s, &header, path, err);
     if (result == RESULT_OK)
-        result = trace_writer_create(path, &header, &s->trace_signer, &trace, err);
+        result = trace_writer_create(path, &header, &s->trace_signer, NULL, &trace, err);
     if (result != RESULT_OK)
         return result;
     struct open_session *session = alloc(1, sizeof *session);

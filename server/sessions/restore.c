@@ -22,32 +22,64 @@ static int scene_of(const struct sessions *s, uint64_t case_hash) {
 
 // What at_s leaves out.
 static bool is_behind(const struct restored *a, const struct trace_record *record, double at_s) {
-    if (record->type != TRACE_STEP && record->type != TRACE_PAST)
+    if (!record_is_input(record))
         return false;
     int64_t since_ns = record->input.time_ns - a->header.start_ns;
     return record->input.kind == INPUT_STOP || (double)since_ns / NS_PER_S > at_s;
 }
 
+static bool is_later_part(const struct restored *a) {
+    return a->header.part > 1;
+}
+
+// Of a step before the trace's own, no more is known than what its record says.
+static void judge(struct restored *a, const struct trace_record *record,
+                  const struct session_output *output) {
+    if (!a->attempt)
+        return;
+    if (record->type == TRACE_STEP)
+        attempt_take(&a->attempt->attempt, shared_site_site(a->attempt->site), record->input.kind,
+                     output);
+    else
+        attempt_pass(&a->attempt->attempt, record->input.kind, record->input.time_ns,
+                     &record->output.landed);
+}
+
 // One that needs not be run: what it gave is recorded, and an attempt is judged by that.
 static void take_kept_step(struct restored *a, const struct trace_record *record) {
-    if (a->attempt && record->type == TRACE_STEP)
-        attempt_take(&a->attempt->attempt, shared_site_site(a->attempt->site), record->input.kind,
-                     &record->output);
+    judge(a, record, &record->output);
+}
+
+static enum result check_step(const char *path, const struct trace_record *record,
+                              const struct session_output *output, struct error *err) {
+    if (record->type == TRACE_STEP && record->output.hash != output->hash)
+        return fail(err, RESULT_REFUSED, "%s: step %llu does not reproduce its recorded hash", path,
+                    (unsigned long long)output->step);
+    if (record->type == TRACE_TAKEN && !rerun_lands_as_recorded(record, output))
+        return fail(err, RESULT_REFUSED,
+                    "%s: job %llu of the server before does not land here as it did there", path,
+                    (unsigned long long)record->output.job.id);
+    return RESULT_OK;
+}
+
+static void measure(struct restored *a, const struct trace_record *record,
+                    const struct session_output *output) {
+    if (record->type == TRACE_STEP)
+        metrics_step(&a->metrics, &record->input, output);
+    else if (is_later_part(a))
+        metrics_pass(&a->metrics, record->input.kind, &record->output.landed,
+                     record->output.job.kind == JOB_UNDO);
 }
 
 static enum result take_step(struct restored *a, const char *path, struct rerun *rerun,
                              const struct trace_record *record, struct error *err) {
     struct session_output output;
     rerun_step(rerun, record, &output);
-    if (record->type == TRACE_STEP && record->output.hash != output.hash)
-        return fail(err, RESULT_REFUSED, "%s: step %llu does not reproduce its recorded hash", path,
-                    (unsigned long long)output.step);
-    if (record->type == TRACE_STEP)
-        metrics_step(&a->metrics, &record->input, &output);
+    if (check_step(path, record, &output, err) != RESULT_OK)
+        return RESULT_REFUSED;
+    measure(a, record, &output);
     snapshot_step(&a->snapshots, &output);
-    if (a->attempt)
-        attempt_take(&a->attempt->attempt, shared_site_site(a->attempt->site), record->input.kind,
-                     &output);
+    judge(a, record, &output);
     a->state = output.state;
     return RESULT_OK;
 }
@@ -58,16 +90,34 @@ static void take_marker(struct restored *a, const struct marker *marker) {
     a->marked = *marker;
 }
 
+// What the steps of the server before made of it.
+static enum result take_kept_attempt(struct restored *a, struct error *err) {
+    struct session_attempt *attempt = a->attempt;
+    if (!kept_attempt_fits(&a->kept, shared_site_site(attempt->site))) {
+        attempts_free(&a->attempt);
+        return fail(err, RESULT_REFUSED, "attempt %u is not kept as its task is", a->kept.number);
+    }
+    attempt->begun_ns = a->kept.begun_ns;
+    attempt->attempt = a->kept.attempt;
+    return RESULT_OK;
+}
+
 // A copy begins without: an attempt belongs to the session in which it began. The session goes on
-// without one whose task this server refuses.
+// without one whose task this server refuses, or whose end behind the state is lost.
 static void take_begun(const struct sessions *s, struct restored *a, const char *path,
                        const struct trace_attempt *begun) {
     struct error err;
     a->attempts = begun->number;
     attempts_free(&a->attempt); // its end was lost, and the reader would have said so
-    a->attempt_lost = 0;
-    if (attempts_restore(s, a->scene, &a->header, begun, a->place.time_ns, &a->attempt, &err) ==
-        RESULT_OK)
+    bool is_kept = begun->number == a->kept.number;
+    a->attempt_lost = begun->number <= a->kept.begun && !is_kept ? begun->number : 0;
+    if (a->attempt_lost)
+        return;
+    enum result result =
+        attempts_restore(s, a->scene, &a->header, begun, a->place.time_ns, &a->attempt, &err);
+    if (result == RESULT_OK && is_kept)
+        result = take_kept_attempt(a, &err);
+    if (result == RESULT_OK)
         return;
     a->attempt_lost = begun->number;
     log_error("sessions", "%s: it goes on without this attempt: %s", path, err.text);
@@ -94,14 +144,65 @@ struct resume_run {
     const struct sessions *sessions;
     struct restored *restored;
     struct trace_reader *reader;
-    struct rerun *rerun;
-    uint64_t kept; // what is before it in the file needs not be run
+    struct rerun *rerun; // NULL before the state of a later part
+    uint64_t kept;       // what is before it in the file needs not be run
     const char *path;
     const double *at_s;
     bool reached; // at_s
     enum result result;
     struct error *err;
 };
+
+// ---- from a state -------------------------------------------------------------------------------
+
+static void take_kept(struct restored *a, const struct kept_session *kept, uint64_t step) {
+    a->metrics = kept->metrics;
+    a->snapshots = kept->snapshots;
+    a->state = kept->snapshots.now.state;
+    a->kept_step = step;
+}
+
+static enum result begin_kept(struct restored *a, const struct scene *scene,
+                              struct trace_reader *reader, const struct trace_state *state,
+                              struct rerun **out_rerun, struct error *err) {
+    struct kept_session kept;
+    enum result result = trace_reader_skim(reader, &state->place, state->output_hash, err);
+    if (result == RESULT_OK)
+        result = kept_session_read(state, scene, &a->header, &kept, err);
+    if (result != RESULT_OK)
+        return result;
+    *out_rerun = rerun_go_on(kept.session, kept.operation, &kept.asked);
+    take_kept(a, &kept, state->place.step);
+    return RESULT_OK;
+}
+
+// The session of the server before, without its poses since.
+static enum result take_over(struct resume_run *r, const struct trace_state *state) {
+    struct restored *a = r->restored;
+    struct kept_session kept;
+    const struct scene *scene = r->sessions->scenes[a->scene];
+    enum result result = kept_session_read(state, scene, &a->header, &kept, r->err);
+    if (result != RESULT_OK)
+        return fail_in(r->err, result == RESULT_FORMAT ? RESULT_REFUSED : result, "%s: ", r->path);
+    if (!state->is_own)
+        log_warning("sessions", "%s: it begins with a state that another program or machine kept",
+                    r->path);
+    r->rerun = rerun_take_over_read(kept.session, kept.operation, &kept.asked);
+    take_kept(a, &kept, state->place.step);
+    metrics_interrupt(&a->metrics);
+    return RESULT_OK;
+}
+
+static enum result take_state(struct resume_run *r, const struct trace_state *state) {
+    if (!state) // it has more parts
+        return RESULT_OK;
+    enum result result = kept_session_attempt(state, &r->restored->kept, r->err);
+    if (result != RESULT_OK)
+        return fail_in(r->err, result == RESULT_FORMAT ? RESULT_REFUSED : result, "%s: ", r->path);
+    return r->rerun ? RESULT_OK : take_over(r, state);
+}
+
+// ---- all of it ----------------------------------------------------------------------------------
 
 static bool on_record(void *user, const struct trace_record *record) {
     struct resume_run *r = user;
@@ -113,9 +214,11 @@ static bool on_record(void *user, const struct trace_record *record) {
         r->reached = true;
     else if (record->type == TRACE_GAP)
         r->result = fail(r->err, RESULT_REFUSED, "%s: steps are missing in it", r->path);
-    else if (is_kept && (record->type == TRACE_STEP || record->type == TRACE_PAST))
+    else if (record->type == TRACE_STATE)
+        r->result = take_state(r, record->state);
+    else if (is_kept && record_is_input(record))
         take_kept_step(a, record);
-    else if (record->type == TRACE_STEP || record->type == TRACE_PAST)
+    else if (record_is_input(record))
         r->result = take_step(a, r->path, r->rerun, record, r->err);
     else if (record->type == TRACE_RESUME && !is_kept)
         metrics_interrupt(&a->metrics);
@@ -152,6 +255,9 @@ static enum result run(struct resume_run *r) {
         end = RESULT_MISSING;
     if (r->result != RESULT_OK)
         return r->result;
+    if (end == RESULT_MISSING && !r->rerun)
+        return fail(r->err, RESULT_REFUSED, "%s: it ends within the state that it begins with",
+                    r->path);
     return end == RESULT_MISSING ? place_at_state(r) : end;
 }
 
@@ -178,7 +284,7 @@ static void make_session(const struct sessions *s, struct restored *a, struct re
     runtime->attempt_lost = a->attempt_lost;
     runtime->attempt = a->attempt;
     a->attempt = NULL;
-    rerun_release(rerun, &runtime->session, &runtime->operation, &runtime->pending);
+    rerun_release(rerun, &runtime->session, &runtime->operation, &runtime->pending, &a->asked);
     a->session = session;
 }
 
@@ -201,31 +307,14 @@ static enum result refuse(const struct sessions *s, const struct restored *a, co
     return fail(err, RESULT_REFUSED, "%s: this server has not its case", path);
 }
 
-// ---- from its state -----------------------------------------------------------------------------
-
-static enum result begin_kept(struct restored *a, const struct scene *scene,
-                              struct trace_reader *reader, const struct trace_state *state,
-                              struct rerun **out_rerun, struct error *err) {
-    struct kept_session kept;
-    enum result result = trace_reader_skim(reader, &state->place, state->output_hash, err);
-    if (result == RESULT_OK)
-        result = kept_session_read(state, scene, &a->header, &kept, err);
-    if (result != RESULT_OK)
-        return result;
-    *out_rerun = rerun_go_on(kept.session, kept.operation, &kept.asked);
-    a->metrics = kept.metrics;
-    a->snapshots = kept.snapshots;
-    a->state = kept.snapshots.now.state;
-    a->kept_step = state->place.step;
-    return RESULT_OK;
-}
-
 static enum result begin_rerun(struct restored *a, const struct scene *scene,
                                struct trace_reader *reader, const struct trace_state *state,
                                struct rerun **out_rerun, struct error *err) {
     *out_rerun = NULL;
     if (state)
         return begin_kept(a, scene, reader, state, out_rerun, err);
+    if (is_later_part(a))
+        return RESULT_OK;
     metrics_init(&a->metrics, &a->header.settings.instruments, a->header.optic);
     snapshot_begin(&a->snapshots, 0, a->header.start_ns);
     *out_rerun = rerun_create(scene, &a->header.settings);
@@ -248,6 +337,11 @@ static enum result run_trace(const struct sessions *s, const char *path, const d
         trace_reader_destroy(&reader);
         return result;
     }
+    if (at_s && is_later_part(out)) {
+        trace_reader_destroy(&reader);
+        return fail(err, RESULT_REFUSED, "%s: part %u of a session cannot be copied", path,
+                    out->header.part);
+    }
     struct rerun *rerun;
     out->place = trace_reader_place(reader);
     trace_reader_bind(reader, s->scenes[out->scene]);
@@ -259,8 +353,8 @@ static enum result run_trace(const struct sessions *s, const char *path, const d
     if (is_beyond(&running, result))
         result = refuse_beyond(&running);
     if (result == RESULT_MISSING || (at_s && result == RESULT_CLOSED))
-        make_session(s, out, &rerun);
-    rerun_destroy(&rerun);
+        make_session(s, out, &running.rerun);
+    rerun_destroy(&running.rerun);
     trace_reader_destroy(&reader);
     return result;
 }

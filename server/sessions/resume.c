@@ -136,7 +136,9 @@ static void go_on(struct resumed *r) {
     metrics_interrupt(&restored->metrics); // the trace will say so where it goes on
     runtime->metrics = (struct live_metrics){.scene = runtime->scene, .metrics = restored->metrics};
     runtime->snapshots = restored->snapshots;
-    runtime->ahead_ns = runtime->last_ns > now_ns ? runtime->last_ns - now_ns : 0;
+    // The clock of a session that another server began tells nothing of this server's.
+    bool is_own = restored->header.part == 1;
+    runtime->ahead_ns = !is_own || runtime->last_ns > now_ns ? runtime->last_ns - now_ns : 0;
 }
 
 // The next start finds it in the list again.
@@ -175,7 +177,7 @@ static int64_t resume_one(void *data) {
         set_aside(r, &err);
     else if (result != RESULT_CLOSED)
         log_error("sessions", "station %s: its session cannot go on: %s", station, err.text);
-    if (result == RESULT_REFUSED)
+    if (result == RESULT_REFUSED || result == RESULT_VERSION)
         r->refused = err;
     return TASK_DONE;
 }
@@ -251,8 +253,9 @@ static bool open_trace(struct resumed *r) {
     struct session_runtime *runtime = &r->restored.session->runtime;
     struct error err;
     bool was_closed = r->restored.state == SESSION_CLOSED; // only its end was missing
-    enum result result = trace_writer_resume(r->path, &r->restored.place, clock_utc_ns(),
-                                             &r->sessions->trace_signer, &runtime->trace, &err);
+    enum result result =
+        trace_writer_resume(r->path, &r->restored.place, clock_utc_ns(), &r->sessions->trace_signer,
+                            NULL, &runtime->trace, &err);
     if (was_closed) {
         if (result == RESULT_OK)
             trace_writer_destroy(&runtime->trace);

@@ -386,6 +386,11 @@ static void take_loose(struct pass *p, struct session_output *o) {
     }
 }
 
+static void take_job_and_landed(struct pass *p, struct session_output *o) {
+    take_job(p, &o->job);
+    take_landed(p, &o->landed);
+}
+
 static void take_output(struct pass *p, struct session_output *o) {
     name(p, OWNER_STEP, NULL, NULL);
     TAKE(p, step_members, o);
@@ -395,8 +400,7 @@ static void take_output(struct pass *p, struct session_output *o) {
     int instruments = p->task == LIST ? INSTRUMENT_COUNT : INSTRUMENTS_USUAL + o->described;
     for (int i = 0; i < instruments; i++)
         take_instrument(p, &o->instruments[i], i);
-    take_job(p, &o->job);
-    take_landed(p, &o->landed);
+    take_job_and_landed(p, o);
     take_loose(p, o);
 }
 
@@ -416,6 +420,17 @@ bool output_decode(struct reader *r, int version, int rules, int described, int 
     out->described = described;
     out->loose_count = loose;
     take_output(&p, out);
+    return p.good;
+}
+
+void output_encode_job(struct writer *w, const struct session_output *output, int rules) {
+    struct pass p = {.task = ENCODE, .w = w, .rules = rules, .good = true};
+    take_job_and_landed(&p, unchanged(output));
+}
+
+bool output_decode_job(struct reader *r, int version, int rules, struct session_output *out) {
+    struct pass p = {.task = DECODE, .r = r, .version = version, .rules = rules, .good = true};
+    take_job_and_landed(&p, out);
     return p.good;
 }
 

@@ -19,6 +19,11 @@ void output_encode(struct writer *writer, const struct session_output *output, i
 bool output_decode(struct reader *reader, int version, int rules, int described, int loose,
                    struct session_output *out_output);
 
+// The same for its job and what landed alone.
+void output_encode_job(struct writer *writer, const struct session_output *output, int rules);
+bool output_decode_job(struct reader *reader, int version, int rules,
+                       struct session_output *out_output);
+
 // XXH3 (64 bits) of the hash of the step before and of the encoded output.
 uint64_t output_hash(uint64_t previous, const struct session_output *output, int rules);
 

@@ -5,3 +5,7 @@ const char *input_kind_name(enum input_kind kind) {
                                                         "stop",  "reset", "job",   "undo"};
     return (unsigned)kind < INPUT_KIND_COUNT ? names[kind] : "unknown";
 }
+
+bool input_is_command(enum input_kind kind) {
+    return kind >= INPUT_START && (unsigned)kind < INPUT_KIND_COUNT && kind != INPUT_JOB;
+}

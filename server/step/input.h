@@ -27,6 +27,7 @@ enum input_kind {
 };
 
 const char *input_kind_name(enum input_kind kind);
+bool input_is_command(enum input_kind kind); // it is no frame, no job, and not empty
 
 struct session_input {
     enum input_kind kind;

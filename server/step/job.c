@@ -35,6 +35,20 @@ void job_keep(struct job *job, int tissues, const struct instruments *instrument
         blade_move_keep(&job->moves[i], instruments, k);
 }
 
+// As it would be read.
+bool job_is_valid(const struct job *job, int tissues, const struct instruments *instruments) {
+    uint8_t bytes[sizeof(struct job)];
+    struct job copy = *job;
+    struct kept to = kept_into(bytes, sizeof bytes);
+    bool has_room = (unsigned)job->move_count <= JOB_MOVES_MAX && job->id;
+    if (!has_room)
+        return false;
+    job_keep(&copy, tissues, instruments, &to);
+    struct kept from = kept_from(bytes, to.used);
+    job_keep(&copy, tissues, instruments, &from);
+    return !to.bad && !from.bad && job->kind != JOB_NONE;
+}
+
 void job_result_destroy(struct job_result **result) {
     if (!*result)
         return;

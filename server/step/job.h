@@ -78,6 +78,8 @@ struct job_result {
 // Keeps a job, or reads one. A cut's blade is one of the instruments that cut.
 void job_keep(struct job *job, int tissues, const struct instruments *instruments,
               struct kept *kept);
+// Whether an operation of so many tissues can run it: it may be from anywhere.
+bool job_is_valid(const struct job *job, int tissues, const struct instruments *instruments);
 void blade_move_keep(struct blade_move *move, const struct instruments *instruments,
                      struct kept *kept);
 

@@ -454,6 +454,44 @@ static void ask_for_job(struct session *s, struct session_output *out) {
     s->stroke_out = job->stroke;
 }
 
+// ---- jobs of elsewhere --------------------------------------------------------------------------
+
+void session_take_over(struct session *s) {
+    s->is_taken_over = true;
+    cutting_rest(&s->cutting);
+    cutting_drop_waiting(&s->cutting);
+}
+
+void session_go_on(struct session *s) {
+    s->is_taken_over = false;
+}
+
+bool session_take_job(struct session *s, const struct job *job) {
+    bool is_out = s->job_out != JOB_NONE;
+    if (is_out && job->id == s->last_job && job->kind == s->job_out)
+        return true;
+    if (!s->is_taken_over || is_out || job->id <= s->last_job ||
+        !job_is_valid(job, s->scene->tissue_count, &s->settings.instruments))
+        return false;
+    s->last_job = job->id;
+    s->job_out = job->kind;
+    s->stroke_out = job->stroke;
+    if (job->kind == JOB_CUT)
+        s->touched[job->tissue] = true;
+    if (job->kind == JOB_RESTORE)
+        s->to_restore[job->tissue] = false;
+    if (job->kind == JOB_UNDO)
+        s->to_undo -= s->to_undo > 0;
+    if (job->kind == JOB_CUT && job->stroke > s->cutting.stroke_count)
+        s->cutting.stroke_count = job->stroke;
+    return true;
+}
+
+void session_void_job(struct session *s, int tissue) {
+    s->to_restore[tissue] = true;
+    s->touched[tissue] = false;
+}
+
 // ---- the step -----------------------------------------------------------------------------------
 
 static bool shows_instruments(const struct session *s) {
@@ -479,7 +517,8 @@ void session_step(struct session *s, const struct session_input *input,
         memset(s->seen, 0, sizeof s->seen);
     if (s->loose)
         out->events |= move_loose(s, s->time_ns - before_ns, out);
-    ask_for_job(s, out);
+    if (!s->is_taken_over)
+        ask_for_job(s, out);
     s->hash = output_hash(s->hash, out, s->settings.rules);
     out->hash = s->hash;
 }

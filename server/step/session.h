@@ -41,6 +41,18 @@ void session_keep(struct session *session, struct job *asked, const struct opera
                   struct kept *kept);
 uint64_t session_hash(const struct session *session); // of its last step's output
 
+// Goes on with a session that was kept elsewhere and lacks the poses since: what waits to be cut is
+// dropped, and until session_go_on it asks for no job. Jobs that it asked for elsewhere are given
+// to it, each before the step at which it lands.
+//
+// session_take_job: false where the session cannot have asked for it: another one is on its way, or
+// it names what there is not. The one that it asked for before it was kept is none of another.
+// session_void_job: a reset came before the job landed, whose tissue this is.
+void session_take_over(struct session *session);
+bool session_take_job(struct session *session, const struct job *job);
+void session_void_job(struct session *session, int tissue);
+void session_go_on(struct session *session);
+
 // Frame numbers must rise: dropping older ones is the caller's work (the runtime counts them).
 void session_step(struct session *session, const struct session_input *input,
                   struct session_output *out);

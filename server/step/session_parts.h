@@ -34,6 +34,7 @@ struct session {
     bool touched[TISSUES_MAX]; // by a job since it was last whole
     uint32_t to_undo;          // strokes
     uint32_t undo_behind;      // not before moves of this stroke and older ones are cut
+    bool is_taken_over;        // it asks for no job (session_take_over)
     bool is_astray;            // a result was lost: the operation has cut what was not eased in
     bool loose_moves;          // a loose body did, in the last step
     struct loose_output lay[CASE_LOOSE_MAX]; // where they were then

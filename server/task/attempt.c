@@ -231,6 +231,20 @@ struct attempt_news attempt_take(struct attempt *a, const struct site *site, enu
     return (struct attempt_news){.ended = true};
 }
 
+void attempt_pass(struct attempt *a, enum input_kind kind, int64_t time_ns,
+                  const struct landed *landed) {
+    if (a->end != ATTEMPT_RUNS)
+        return;
+    if (kind == INPUT_RESET || kind == INPUT_STOP)
+        attempt_leave(a, false);
+    if (a->first_step && (kind == INPUT_PAUSE || kind == INPUT_START)) {
+        a->running_ns += a->running ? time_ns - a->last_ns : 0;
+        a->last_ns = time_ns;
+        a->running = kind == INPUT_START;
+    }
+    land(a, landed);
+}
+
 void attempt_leave(struct attempt *a, bool by_trainee) {
     if (a->end == ATTEMPT_RUNS)
         a->end = by_trainee ? ATTEMPT_LEFT : ATTEMPT_STOPPED;

@@ -92,6 +92,10 @@ struct attempt_news attempt_take(struct attempt *attempt, const struct site *sit
 struct attempt_news attempt_step(struct attempt *attempt, const struct site *site,
                                  const struct session_output *output);
 
+// The same for a step of which only its input and what landed are at hand: of another server.
+void attempt_pass(struct attempt *attempt, enum input_kind kind, int64_t time_ns,
+                  const struct landed *landed);
+
 // ATTEMPT_LEFT or ATTEMPT_STOPPED, unless it has ended.
 void attempt_leave(struct attempt *attempt, bool by_trainee);
 // What a trace says that no step does: it was left or stopped.

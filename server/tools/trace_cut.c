@@ -134,7 +134,7 @@ static enum result cut(const struct cut_request *request, struct error *err) {
     struct trace_header header = *trace_reader_header(reader);
     memcpy(header.parent, parent, sizeof header.parent);
     memcpy(header.parent_id, header.session_id, sizeof header.parent_id);
-    result = trace_writer_create(request->out, &header, NULL, &writer, err);
+    result = trace_writer_create(request->out, &header, NULL, NULL, &writer, err);
     if (result == RESULT_OK)
         result = copy(request, reader, writer, &steps, err);
     trace_writer_destroy(&writer);

@@ -35,12 +35,16 @@ static void failed(struct trace_writer *w, const char *what) {
         log_error("trace", "%s: %s: %s; trying again", w->path, what, strerror(errno));
 }
 
+// What the tap was not told yet stays.
+static void release_before(struct trace_writer *w, uint64_t position) {
+    buffer_release(&w->buffer, w->tap && w->tapped < position ? w->tapped : position);
+}
+
 // A disk that takes its time is no reason to drop steps: rather it gets what was written only once.
 static void make_room(struct trace_writer *w) {
     uint64_t head = buffer_head(&w->buffer), written = atomic_load(&w->written);
     if (head - w->buffer.kept > BUFFER_SIZE / 4 * 3)
-        buffer_release(&w->buffer,
-                       written < head - BUFFER_SIZE / 2 ? written : head - BUFFER_SIZE / 2);
+        release_before(w, written < head - BUFFER_SIZE / 2 ? written : head - BUFFER_SIZE / 2);
 }
 
 // A write that fails leaves its bytes in the buffer, so the file stays a whole stream.
@@ -66,6 +70,7 @@ static void write_out_locked(struct trace_writer *w) {
         }
         at += (uint64_t)done;
         atomic_store(&w->written, at);
+        writer_tap(w);
         make_room(w);
     }
 }
@@ -90,7 +95,7 @@ static void put_on_disk(struct trace_writer *w) {
     }
     pthread_mutex_lock(&w->writing);
     atomic_store(&w->synced, written);
-    buffer_release(&w->buffer, written);
+    release_before(w, written);
     pthread_mutex_unlock(&w->writing);
     if (written >= atomic_load(&w->failed_head) && atomic_exchange(&w->failing, false))
         log_warning("trace", "%s: the disk can be written again", w->path);

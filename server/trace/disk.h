@@ -4,8 +4,18 @@
 
 #include "trace/buffer.h"
 #include "trace/chain.h"
+#include "trace/record.h"
 
 #include <pthread.h>
+
+// Steps that the tap learns of, from the appender to the threads: the positions of their records.
+#define NOTES 256
+struct notes {
+    uint64_t at[NOTES];
+    atomic_uint_fast64_t head; // the appender's
+    atomic_uint_fast64_t tail; // the threads'
+    atomic_uint_fast64_t lost; // there was no room for a step before this position
+};
 
 struct trace_writer {
     int fd;
@@ -18,6 +28,9 @@ struct trace_writer {
     uint64_t gap; // steps dropped since the last record
     unsigned faults_told;
     const struct trace_signer *signer;
+    const struct trace_tap *tap; // NULL: none
+    struct trace_layout layout;  // of its records, for the tap
+    struct notes notes;
     // The appender writes these, any thread reads them:
     atomic_uint_fast64_t records, missing;
     // For the two threads. `writing` guards the file, the chain and the release of bytes. Records
@@ -27,6 +40,7 @@ struct trace_writer {
     pthread_mutex_t writing;
     struct chain chain;
     uint64_t sealed;
+    uint64_t tapped; // up to there the tap was told
     atomic_uint_fast64_t written, synced;
     atomic_bool rewrite, failing;
     atomic_uint_fast64_t failed_head; // what had been appended when the disk failed last
@@ -56,5 +70,10 @@ void disk_hurry(void);
 
 // Gives all records in the buffer their hashes; under `writing` (writer.c).
 void writer_seal(struct trace_writer *writer);
+// Tells the tap what has been written; too.
+void writer_tap(struct trace_writer *writer);
+// Appends a part of the state of a new part (part.c). RESULT_IO: the disk is full or has failed.
+enum result writer_append_state(struct trace_writer *writer, const struct trace_state_part *part,
+                                struct error *err);
 // Appends the end record.
 void writer_put_end(struct trace_writer *writer);

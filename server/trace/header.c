@@ -158,6 +158,9 @@ size_t header_encode(const struct trace_header *h, struct chain *chain, uint8_t 
     write_text(&w, h->cpu);
     write_described(&w, &h->settings);
     write_u8(&w, (uint8_t)h->loose_count);
+    write_u16(&w, h->part ? h->part : 1);
+    write_text(&w, h->server);
+    write_u64(&w, h->token);
     struct writer prefix = {out, HEADER_PREFIX, 0, false};
     write_bytes(&prefix, HEADER_MAGIC, 8);
     write_u16(&prefix, TRACE_VERSION);
@@ -208,7 +211,7 @@ static enum result check_settings(const struct trace_header *h, struct error *er
                     h->settings.rules, RULES_NEWEST);
     if (h->settings.rules < 1 || h->loose_count > CASE_LOOSE_MAX ||
         !settings_are_valid(&h->settings) || !view_optic_is_valid(&h->optic) ||
-        !time_is_sane(h->start_ns) || !utc_is_sane(h->start_utc_ns))
+        !time_is_sane(h->start_ns) || !utc_is_sane(h->start_utc_ns) || h->part < 1)
         return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
     return RESULT_OK;
 }
@@ -231,6 +234,15 @@ static void read_session(struct reader *r, unsigned version, struct trace_header
     h->start_ns = read_i64(r);
 }
 
+static void read_part(struct reader *r, unsigned version, struct trace_header *h) {
+    h->part = 1;
+    if (version < TRACE_FIRST_WITH_PARTS)
+        return;
+    h->part = read_u16(r);
+    read_text(r, h->server, sizeof h->server);
+    h->token = read_u64(r);
+}
+
 enum result header_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
                           struct trace_header *h, struct error *err) {
     if (!checksum_matches(data, size, version, chain))
@@ -251,6 +263,7 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
     if (version >= 6 && read_described(&r, &h->settings, err) != RESULT_OK)
         return fail_in(err, RESULT_FORMAT, "its header: ");
     h->loose_count = version >= 6 ? read_u8(&r) : 0;
+    read_part(&r, version, h);
     if (r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "its header has not the size of its fields");
     return check_settings(h, err);

@@ -8,6 +8,10 @@ static bool tell(const struct trace_player *p, const struct trace_record *record
         return !p->step || p->step(p->user, record);
     case TRACE_PAST:
         return !p->past || p->past(p->user, record);
+    case TRACE_TAKEN:
+        return !p->taken || p->taken(p->user, record);
+    case TRACE_STATE:
+        return !p->state || !record->state || p->state(p->user, record->state);
     case TRACE_GAP:
         return !p->gap || p->gap(p->user, record->missing);
     case TRACE_RESUME:

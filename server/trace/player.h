@@ -9,6 +9,9 @@ struct trace_player {
     bool (*record)(void *user, const struct trace_record *record); // every record, before its own
     bool (*step)(void *user, const struct trace_record *record);   // TRACE_STEP
     bool (*past)(void *user, const struct trace_record *record);   // TRACE_PAST
+    bool (*taken)(void *user, const struct trace_record *record);  // TRACE_TAKEN
+    // The whole state with which a later part begins, once.
+    bool (*state)(void *user, const struct trace_state *state);
     bool (*gap)(void *user, uint64_t missing);
     bool (*resume)(void *user, int64_t utc_ns);
     bool (*fault)(void *user, int64_t utc_ns);

@@ -72,10 +72,17 @@ static void forget_touch(struct trace_reader *r) {
     r->landed = false;
 }
 
+static void forget_state(struct trace_reader *r) {
+    free(r->beginning.bytes);
+    r->beginning.bytes = NULL;
+    r->beginning.is_told = false;
+}
+
 void trace_reader_destroy(struct trace_reader **reader) {
     if (!*reader)
         return;
     forget_touch(*reader);
+    forget_state(*reader);
     fclose((*reader)->file);
     chain_fini(&(*reader)->chain);
     free((*reader)->path);
@@ -128,6 +135,74 @@ static enum result check_indexes(const struct trace_reader *r, const struct sess
     return good ? RESULT_OK
                 : fail(err, RESULT_FORMAT, "step %llu names a part that its case does not have",
                        (unsigned long long)o->step);
+}
+
+static enum result check_job(const struct trace_reader *r, const struct session_output *o,
+                             struct error *err) {
+    bool good = o->job.tissue < r->tissues && (!o->landed.job || o->landed.tissue < r->tissues);
+    return good ? RESULT_OK
+                : fail(err, RESULT_FORMAT, "job %llu is of a tissue that its case does not have",
+                       (unsigned long long)o->job.id);
+}
+
+// ---- the state of a later part ------------------------------------------------------------------
+
+static bool is_later_part(const struct trace_reader *r) {
+    return r->header.part > 1;
+}
+
+// Where a reader has skipped damage, it may have skipped the state.
+static enum result check_beginning(const struct trace_reader *r, const struct trace_record *record,
+                                   struct error *err) {
+    const struct beginning *b = &r->beginning;
+    bool is_past = record->type == TRACE_PAST, is_taken = record->type == TRACE_TAKEN;
+    if (r->damaged)
+        return RESULT_OK;
+    if (record->type == TRACE_STATE)
+        return is_later_part(r) && !b->is_read
+                   ? RESULT_OK
+                   : fail(err, RESULT_FORMAT, "a state stands where none can be");
+    if (is_later_part(r) && !b->is_read)
+        return fail(err, RESULT_FORMAT, "part %u of a session does not begin with a whole state",
+                    r->header.part);
+    if (is_taken && !b->goes_on)
+        return fail(err, RESULT_FORMAT, "job %llu is taken over where none can be",
+                    (unsigned long long)record->output.job.id);
+    if (is_past && is_later_part(r) && (!b->goes_on || !input_is_command(record->input.kind)))
+        return fail(err, RESULT_FORMAT, "an input behind the state is no command");
+    if (is_taken && record->output.job.id <= b->taken)
+        return fail(err, RESULT_FORMAT, "job %llu is taken over after job %llu",
+                    (unsigned long long)record->output.job.id, (unsigned long long)b->taken);
+    return RESULT_OK;
+}
+
+static enum result end_state(struct trace_reader *r, struct error *err) {
+    struct beginning *b = &r->beginning;
+    if (trace_state_parse(b->bytes, b->size, &b->state, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "its state: ");
+    if (b->state.place.rules != r->header.settings.rules)
+        return fail(err, RESULT_FORMAT, "its state is of a session by other rules");
+    b->is_read = b->is_told = b->goes_on = true;
+    r->place.step = r->place.past = b->state.place.step;
+    r->place.time_ns = b->state.place.time_ns;
+    return RESULT_OK;
+}
+
+static enum result follow_state(struct trace_reader *r, struct trace_record *record,
+                                struct error *err) {
+    struct beginning *b = &r->beginning;
+    const struct trace_state_part *part = &record->state_part;
+    if (r->damaged)
+        return RESULT_OK;
+    if (part->offset != b->size || (b->size && part->whole != b->whole))
+        return fail(err, RESULT_FORMAT, "a part of its state is missing");
+    b->whole = part->whole;
+    b->bytes = alloc_resize(b->bytes, b->size + part->size, 1);
+    memcpy(b->bytes + b->size, part->bytes, part->size);
+    b->size += part->size;
+    enum result result = b->size == b->whole ? end_state(r, err) : RESULT_OK;
+    record->state = b->is_told ? &b->state : NULL;
+    return result;
 }
 
 // ---- touches ------------------------------------------------------------------------------------
@@ -187,7 +262,7 @@ static enum result land_touch(struct trace_reader *r, struct trace_record *recor
     else if (g->job && !lands)
         return fail(err, RESULT_FORMAT, "the touched surface of job %llu does not land",
                     (unsigned long long)g->job);
-    if (record->type == TRACE_STEP && check_hash(r, &record->output.landed, err) != RESULT_OK)
+    if (record->type != TRACE_PAST && check_hash(r, &record->output.landed, err) != RESULT_OK)
         return RESULT_FORMAT;
     r->landed = g->job;
     record->touch = g->job ? &g->touch : NULL;
@@ -213,6 +288,10 @@ static enum result follow_step(struct trace_reader *r, const struct trace_record
         place->records++;
     else
         place->past++;
+    if (record->type == TRACE_TAKEN)
+        r->beginning.taken = record->output.job.id;
+    if (record->type == TRACE_STEP)
+        r->beginning.goes_on = false;
     return RESULT_OK;
 }
 
@@ -235,8 +314,11 @@ static enum result follow_attempt(struct trace_reader *r, const struct trace_rec
 static enum result follow(struct trace_reader *r, struct trace_record *record, struct error *err) {
     struct trace_place *place = &r->place;
     switch (record->type) {
+    case TRACE_STATE:
+        return follow_state(r, record, err);
     case TRACE_STEP:
     case TRACE_PAST:
+    case TRACE_TAKEN:
         if (land_touch(r, record, err) != RESULT_OK)
             return RESULT_FORMAT;
         return follow_step(r, record, err);
@@ -245,6 +327,7 @@ static enum result follow(struct trace_reader *r, struct trace_record *record, s
     case TRACE_GAP:
         place->step += record->missing;
         place->missing += record->missing;
+        r->beginning.goes_on = false;
         return RESULT_OK;
     case TRACE_RESUME:
     case TRACE_REMARK:
@@ -265,12 +348,14 @@ static enum result follow(struct trace_reader *r, struct trace_record *record, s
 static enum result decode(struct trace_reader *r, const uint8_t *data, size_t size,
                           struct trace_record *out, struct error *err) {
     memcpy(r->before, r->chain.value, sizeof r->before);
-    struct trace_layout layout = {r->header.version, r->header.settings.rules,
-                                  r->header.settings.instruments.count - INSTRUMENTS_USUAL,
-                                  r->header.loose_count};
+    struct trace_layout layout = layout_of(&r->header, r->header.version);
     enum result result = record_decode(data, size, layout, &r->chain, out, &r->end, err);
     if (result == RESULT_OK && r->bound && out->type == TRACE_STEP)
         result = check_indexes(r, &out->output, err);
+    if (result == RESULT_OK && r->bound && out->type == TRACE_TAKEN)
+        result = check_job(r, &out->output, err);
+    if (result == RESULT_OK)
+        result = check_beginning(r, out, err);
     if (result == RESULT_OK)
         result = follow(r, out, err);
     if (result == RESULT_OK && out->type == TRACE_END)
@@ -290,6 +375,8 @@ static enum result read_record(struct trace_reader *r, struct trace_record *out,
     uint8_t *data = r->data;
     if (r->landed)
         forget_touch(r);
+    if (r->beginning.is_told)
+        forget_state(r);
     if (r->ended)
         return read_behind(r, err);
     size_t rest;
@@ -374,6 +461,7 @@ enum result trace_skip_damage(struct trace_reader *r, uint64_t *out_bytes, struc
     r->damaged = true;
     r->foreign = false;
     forget_touch(r);
+    forget_state(r);
     return RESULT_OK;
 }
 
@@ -397,7 +485,7 @@ enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error
     bool found = false;
     result = skip_to_tail(r, err);
     while (result == RESULT_OK && (result = trace_read(r, &record, err)) == RESULT_OK)
-        if (record.type == TRACE_STEP || record.type == TRACE_PAST) {
+        if (record_is_input(&record)) {
             *out_time_ns = record.input.time_ns;
             found = true;
         }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "trace/record.h"
+#include "trace/state.h"
 
 #include <stdio.h>
 
@@ -13,6 +14,16 @@ struct gathering {
     uint8_t *bytes;
     struct touch_change touch; // once it is whole
     struct trace_place place;  // before its first part
+};
+
+// The state from which a later part begins, put together too.
+struct beginning {
+    uint32_t whole, size;
+    uint8_t *bytes; // until the record behind it is read
+    struct trace_state state;
+    bool is_read, is_told; // all of it; with the last record
+    bool goes_on;          // what is recorded comes from behind the state, and is no step yet
+    uint64_t taken;        // the last job
 };
 
 struct trace_reader {
@@ -29,6 +40,7 @@ struct trace_reader {
     uint8_t data[RECORD_MAX]; // of the last record
     struct trace_place skim_to;
     bool skims; // up to there
+    struct beginning beginning;
     struct gathering gathering;
     bool landed;       // the gathered touch, with the last record
     uint32_t attempts; // the number of the last one that began

@@ -54,13 +54,12 @@ static const uint8_t *look(struct block *b, uint64_t at, size_t *out_left) {
 }
 
 static bool is_passed_over(unsigned type) {
-    return type == TRACE_STEP || type == TRACE_PAST || type == TRACE_TOUCH;
+    return type == TRACE_STEP || type == TRACE_PAST || type == TRACE_TOUCH || type == TRACE_TAKEN;
 }
 
 // False: it is of another type, or not whole.
 static bool pass_over(struct trace_reader *r, const uint8_t *record, size_t left) {
     struct trace_place *place = &r->place;
-    struct reader bytes = {record, left, RECORD_PREFIX + 1, false}; // behind the kind of its input
     struct error none;
     size_t rest;
     if (left < RECORD_PREFIX || !is_passed_over(record[RECORD_PREFIX - 1]) ||
@@ -72,15 +71,18 @@ static bool pass_over(struct trace_reader *r, const uint8_t *record, size_t left
     memcpy(r->chain.value, record + RECORD_PREFIX + rest - TRACE_HASH_SIZE, TRACE_HASH_SIZE);
     if (type == TRACE_TOUCH)
         return true;
+    size_t kind = type != TRACE_TAKEN; // of its input, before the time
+    struct reader bytes = {record, left, RECORD_PREFIX + kind, false};
     place->step++;
     place->records += type == TRACE_STEP;
-    place->past += type == TRACE_PAST;
+    place->past += type != TRACE_STEP;
     place->time_ns = read_i64(&bytes);
     return true;
 }
 
 enum result reader_hop(struct trace_reader *r, struct error *err) {
-    if (!r->skims || (r->attempted && r->place.offset < r->skim_to.offset))
+    bool is_before = r->header.part > 1 && !r->beginning.is_read;
+    if (!r->skims || is_before || (r->attempted && r->place.offset < r->skim_to.offset))
         return RESULT_OK;
     struct block block = {fileno(r->file), alloc(BLOCK, 1), 0, 0};
     size_t left;

@@ -3,6 +3,7 @@
 #include "base/bytes.h"
 #include "base/check.h"
 #include "step/fields.h"
+#include "trace/state.h"
 
 #include <string.h>
 
@@ -244,6 +245,22 @@ size_t record_encode_touch(const struct trace_touch_part *part, struct chain *ch
     return end_record(&w, chain);
 }
 
+size_t record_encode_state(const struct trace_state_part *part, struct chain *chain, uint8_t *out) {
+    struct writer w = begin_record(TRACE_STATE, out);
+    write_u32(&w, part->whole);
+    write_u32(&w, part->offset);
+    write_bytes(&w, part->bytes, part->size);
+    return end_record(&w, chain);
+}
+
+size_t record_encode_taken(const struct trace_record *record, int rules, struct chain *chain,
+                           uint8_t *out) {
+    struct writer w = begin_record(TRACE_TAKEN, out);
+    write_i64(&w, record->input.time_ns);
+    output_encode_job(&w, &record->output, rules);
+    return end_record(&w, chain);
+}
+
 static void write_block(struct writer *w, const uint8_t *data, size_t size) {
     write_u16(w, (uint16_t)size);
     write_bytes(w, data, size);
@@ -258,12 +275,18 @@ size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8
     return end_record(&w, chain);
 }
 
+struct trace_layout layout_of(const struct trace_header *h, unsigned version) {
+    return (struct trace_layout){version, h->settings.rules,
+                                 h->settings.instruments.count - INSTRUMENTS_USUAL, h->loose_count};
+}
+
 static unsigned last_type(unsigned version) {
-    return version >= TRACE_FIRST_WITH_ATTEMPTS ? TRACE_ENDED
-           : version >= TRACE_FIRST_WITH_FAULTS ? TRACE_MARKER
-           : version >= 4                       ? TRACE_REMARK
-           : version == 3                       ? TRACE_RESUME
-                                                : TRACE_END;
+    return version >= TRACE_FIRST_WITH_PARTS      ? TRACE_TAKEN
+           : version >= TRACE_FIRST_WITH_ATTEMPTS ? TRACE_ENDED
+           : version >= TRACE_FIRST_WITH_FAULTS   ? TRACE_MARKER
+           : version >= 4                         ? TRACE_REMARK
+           : version == 3                         ? TRACE_RESUME
+                                                  : TRACE_END;
 }
 
 enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t *out_rest,
@@ -365,6 +388,29 @@ static bool read_touch(struct reader *r, struct trace_touch_part *out) {
            out->size <= out->whole - out->offset;
 }
 
+static bool read_state(struct reader *r, struct trace_state_part *out) {
+    out->whole = read_u32(r);
+    out->offset = read_u32(r);
+    out->size = (uint32_t)(r->size - r->used);
+    out->bytes = read_bytes(r, out->size);
+    return out->bytes && out->size > 0 && out->whole <= TRACE_STATE_MAX &&
+           out->offset < out->whole && out->size <= out->whole - out->offset;
+}
+
+// A landing of no job: a reset had made it void.
+static bool read_taken(struct reader *r, struct trace_layout layout, struct trace_record *out) {
+    const struct job *job = &out->output.job;
+    const struct landed *landed = &out->output.landed;
+    out->input.kind = INPUT_JOB;
+    out->input.time_ns = out->output.time_ns = read_i64(r);
+    out->job_done = true;
+    bool good = output_decode_job(r, (int)layout.version, layout.rules, &out->output);
+    out->input.job = job->id;
+    return good && job->id && time_is_sane(out->input.time_ns) &&
+           (!landed->job ||
+            (landed->job == job->id && (job->kind == JOB_UNDO || landed->tissue == job->tissue)));
+}
+
 static bool read_payload(struct reader *r, struct trace_layout layout, struct trace_record *out,
                          struct trace_end *out_end) {
     out->type = read_u8(r);
@@ -390,18 +436,20 @@ static bool read_payload(struct reader *r, struct trace_layout layout, struct tr
         return read_begun(r, &out->begun);
     case TRACE_ENDED:
         return read_ended(r, &out->ended);
+    case TRACE_STATE:
+        return read_state(r, &out->state_part);
+    case TRACE_TAKEN:
+        return read_taken(r, layout, out);
     default:
         return read_end(r, layout.version, out_end);
     }
 }
 
-enum result record_decode(const uint8_t *data, size_t size, struct trace_layout layout,
-                          struct chain *chain, struct trace_record *out, struct trace_end *out_end,
-                          struct error *err) {
-    if (!checksum_matches(data, size, layout.version, chain))
-        return fail(err, RESULT_CORRUPT, "the checksum of a record is wrong");
+enum result record_decode_bare(const uint8_t *data, size_t size, struct trace_layout layout,
+                               struct trace_record *out, struct trace_end *out_end,
+                               struct error *err) {
     memset(out, 0, sizeof *out);
-    struct reader r = {data, size - checksum_size(layout.version), 4, false};
+    struct reader r = {data, size, 4, false};
     if (!read_payload(&r, layout, out, out_end) || r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "a field of a record is out of range");
     if (out->type == TRACE_END) {
@@ -409,4 +457,13 @@ enum result record_decode(const uint8_t *data, size_t size, struct trace_layout 
         out->missing = out_end->missing;
     }
     return RESULT_OK;
+}
+
+enum result record_decode(const uint8_t *data, size_t size, struct trace_layout layout,
+                          struct chain *chain, struct trace_record *out, struct trace_end *out_end,
+                          struct error *err) {
+    if (!checksum_matches(data, size, layout.version, chain))
+        return fail(err, RESULT_CORRUPT, "the checksum of a record is wrong");
+    return record_decode_bare(data, size - checksum_size(layout.version), layout, out, out_end,
+                              err);
 }

@@ -8,6 +8,8 @@
 #define RECORD_PAYLOAD_MAX 10240
 #define TOUCH_PREFIX 17 // before the bytes of a part
 #define TOUCH_PART_MAX (8192 - TOUCH_PREFIX)
+#define STATE_PREFIX 8 // too
+#define STATE_PART_MAX (8192 - STATE_PREFIX)
 #define RECORD_MAX (RECORD_PREFIX + RECORD_PAYLOAD_MAX + TRACE_HASH_SIZE)
 
 // Before the fields of a header: magic, u16 version and u32 size. After them: a checksum.
@@ -43,6 +45,7 @@ struct trace_layout {
     int described; // instruments, as there
     int loose;     // of the header's loose bodies
 };
+struct trace_layout layout_of(const struct trace_header *header, unsigned version);
 
 // Each returns the size of the whole record and adds the record to the chain; chain NULL: zeros are
 // in the place of its hash. `out` holds HEADER_MAX or RECORD_MAX bytes.
@@ -60,6 +63,10 @@ size_t record_encode_marker(const struct marker *marker, struct chain *chain, ui
 size_t record_encode_begun(const struct trace_attempt *attempt, struct chain *chain, uint8_t *out);
 size_t record_encode_ended(const struct trace_outcome *outcome, struct chain *chain, uint8_t *out);
 size_t record_encode_touch(const struct trace_touch_part *part, struct chain *chain, uint8_t *out);
+size_t record_encode_state(const struct trace_state_part *part, struct chain *chain, uint8_t *out);
+// Of a record of TRACE_TAKEN.
+size_t record_encode_taken(const struct trace_record *record, int rules, struct chain *chain,
+                           uint8_t *out);
 size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8_t *out);
 
 // The version, and the number of bytes after the prefix. RESULT_FORMAT, RESULT_VERSION,
@@ -82,6 +89,10 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
 enum result record_decode(const uint8_t *data, size_t size, struct trace_layout layout,
                           struct chain *chain, struct trace_record *out_record,
                           struct trace_end *out_end, struct error *err);
+// The same for prefix and payload of one that was not damaged or has no hash.
+enum result record_decode_bare(const uint8_t *data, size_t size, struct trace_layout layout,
+                               struct trace_record *out_record, struct trace_end *out_end,
+                               struct error *err);
 
 // The signed message: out_message holds TRACE_SEAL_SIZE bytes.
 void seal_message(const uint8_t hash[TRACE_HASH_SIZE], uint64_t records, uint64_t missing,

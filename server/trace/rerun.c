@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "trace/state_session.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,6 +14,7 @@ struct rerun {
     struct session *session;
     struct operation *operation;
     struct job_result *pending; // of the last job that the session asked for, until it lands
+    struct job asked;           // that job
     int64_t asked_ns;
     struct rerun_touches touches;
     void (*landed)(void *user, const struct job_result *result); // or NULL
@@ -26,14 +28,39 @@ struct rerun *rerun_create(const struct scene *scene, const struct session_setti
     return rerun;
 }
 
+static void run_job(struct rerun *rerun, const struct job *job) {
+    job_result_destroy(&rerun->pending);
+    rerun->asked = *job;
+    rerun->pending = operation_run(rerun->operation, job);
+}
+
 struct rerun *rerun_go_on(struct session *session, struct operation *operation,
                           const struct job *asked) {
     struct rerun *rerun = alloc(1, sizeof *rerun);
     rerun->session = session;
     rerun->operation = operation;
     if (asked->id)
-        rerun->pending = operation_run(operation, asked);
+        run_job(rerun, asked);
     return rerun;
+}
+
+struct rerun *rerun_take_over_read(struct session *session, struct operation *operation,
+                                   const struct job *asked) {
+    session_take_over(session);
+    return rerun_go_on(session, operation, asked);
+}
+
+enum result rerun_take_over(const struct scene *scene, const struct session_settings *settings,
+                            const struct trace_state *state, struct rerun **out_rerun,
+                            struct error *err) {
+    struct session *session;
+    struct operation *operation;
+    struct job asked;
+    enum result result =
+        state_session_read(state, scene, settings, &session, &operation, &asked, err);
+    if (result == RESULT_OK)
+        *out_rerun = rerun_take_over_read(session, operation, &asked);
+    return result;
 }
 
 void rerun_destroy(struct rerun **rerun) {
@@ -65,8 +92,7 @@ static void step(struct rerun *rerun, struct session_input *input, struct job_re
     }
     if (!output->job.id)
         return;
-    job_result_destroy(&rerun->pending);
-    rerun->pending = operation_run(rerun->operation, &output->job);
+    run_job(rerun, &output->job);
     rerun->asked_ns = input->time_ns;
 }
 
@@ -80,10 +106,25 @@ static bool take_touch(struct rerun *rerun, const struct touch_change *touch) {
     return apart_mm == 0;
 }
 
+// One that the session cannot have asked for is not run, and does not land.
+static void take_job(struct rerun *rerun, const struct trace_record *record) {
+    const struct job *job = &record->output.job;
+    if (!session_take_job(rerun->session, job))
+        return;
+    if (!rerun->pending || rerun->pending->job != job->id)
+        run_job(rerun, job);
+    if (!record->output.landed.job)
+        session_void_job(rerun->session, rerun->pending->tissue);
+}
+
 void rerun_step(struct rerun *rerun, const struct trace_record *record,
                 struct session_output *output) {
     struct session_input input = record->input;
     struct rerun_touches *touches = &rerun->touches;
+    if (record->type == TRACE_STEP)
+        session_go_on(rerun->session);
+    if (record->type == TRACE_TAKEN)
+        take_job(rerun, record);
     bool lands = input.kind == INPUT_JOB && record->job_done && rerun->pending &&
                  rerun->pending->job == input.job;
     bool differs = lands && record->touch && !take_touch(rerun, record->touch);
@@ -94,6 +135,14 @@ void rerun_step(struct rerun *rerun, const struct trace_record *record,
         touches->first_step = output->step;
         touches->first_job = input.job;
     }
+}
+
+bool rerun_lands_as_recorded(const struct trace_record *record,
+                             const struct session_output *output) {
+    const struct landed *a = &record->output.landed, *b = &output->landed;
+    return a->job == b->job && a->outcome == b->outcome && a->tissue == b->tissue &&
+           a->hash == b->hash && a->touch_hash == b->touch_hash &&
+           memcmp(&a->figures, &b->figures, sizeof a->figures) == 0;
 }
 
 struct rerun_touches rerun_touches(const struct rerun *rerun) {
@@ -123,7 +172,11 @@ const struct operation *rerun_operation(const struct rerun *rerun) {
 }
 
 void rerun_release(struct rerun **rerun, struct session **out_session,
-                   struct operation **out_operation, struct job_result **out_pending) {
+                   struct operation **out_operation, struct job_result **out_pending,
+                   struct job *out_asked) {
+    session_go_on((*rerun)->session);
+    if (out_asked)
+        *out_asked = (*rerun)->pending ? (*rerun)->asked : (struct job){0};
     *out_session = (*rerun)->session;
     *out_operation = (*rerun)->operation;
     *out_pending = (*rerun)->pending;

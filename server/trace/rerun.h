@@ -13,15 +13,25 @@ struct rerun *rerun_create(const struct scene *scene, const struct session_setti
 // 0: none), which it runs. They are the rerun's.
 struct rerun *rerun_go_on(struct session *session, struct operation *operation,
                           const struct job *asked);
+// From the state with which a later part of a trace begins, and with what stands behind it there.
+// The same for a caller that has read session and operation. Results as of state_session_read.
+enum result rerun_take_over(const struct scene *scene, const struct session_settings *settings,
+                            const struct trace_state *state, struct rerun **out_rerun,
+                            struct error *err);
+struct rerun *rerun_take_over_read(struct session *session, struct operation *operation,
+                                   const struct job *asked);
 void rerun_destroy(struct rerun **rerun); // NULL inside is fine
 
 // Calls `landed` for each result: after the step at which it lands, before the next job is run.
 void rerun_watch(struct rerun *rerun, void (*landed)(void *user, const struct job_result *result),
                  void *user);
 
-// One TRACE_STEP or TRACE_PAST, in order.
+// One TRACE_STEP, TRACE_PAST or TRACE_TAKEN, in order. A job that was taken over is run here, too;
+// whether it landed as there, rerun_lands_as_recorded tells of its record and of the output.
 void rerun_step(struct rerun *rerun, const struct trace_record *record,
                 struct session_output *out_output);
+bool rerun_lands_as_recorded(const struct trace_record *record,
+                             const struct session_output *output);
 
 // Recorded touches that landed, beside those of the match of this build.
 struct rerun_touches {
@@ -43,6 +53,8 @@ void rerun_step_freely(struct rerun *rerun, const struct trace_record *record,
 const struct operation *rerun_operation(const struct rerun *rerun);
 
 // Ends the rerun and gives its session to the caller, to go on with it. *out_pending is the result
-// that has not landed yet, or NULL.
+// that has not landed yet, or NULL; *out_asked its job, or one with the id 0 (NULL: it
+// is not needed).
 void rerun_release(struct rerun **rerun, struct session **out_session,
-                   struct operation **out_operation, struct job_result **out_pending);
+                   struct operation **out_operation, struct job_result **out_pending,
+                   struct job *out_asked);

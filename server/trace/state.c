@@ -14,9 +14,8 @@
 #include <unistd.h>
 
 #define MAGIC "ARTHSTAT"
-#define VERSION 1
+#define VERSION 2     // of what is before the content
 #define HEAD_MAX 1024 // before the content
-#define STATE_MAX ((size_t)1 << 30)
 
 // ---- who wrote it -------------------------------------------------------------------------------
 
@@ -85,6 +84,7 @@ static void keep_head(struct trace_state *state, struct identity *by, struct kep
     kept_holds(k, !memcmp(magic, MAGIC, sizeof magic));
     kept_bytes(k, &version, sizeof version);
     kept_holds(k, version == VERSION);
+    kept_bytes(k, &state->format, sizeof state->format);
     kept_bytes(k, by, sizeof *by);
     struct trace_place *place = &state->place;
     uint64_t *numbers[] = {&place->offset, &place->step, &place->records, &place->missing,
@@ -97,7 +97,7 @@ static void keep_head(struct trace_state *state, struct identity *by, struct kep
     kept_bytes(k, place->hash, sizeof place->hash);
     kept_u64(k, &state->output_hash);
     kept_u64(k, &size);
-    kept_holds(k, size <= STATE_MAX);
+    kept_holds(k, size <= TRACE_STATE_MAX);
     state->size = (size_t)size;
 }
 
@@ -166,6 +166,7 @@ enum result trace_state_write(const char *trace, struct trace_state *state, stru
     trace_state_path(trace, path);
     snprintf(draft, sizeof draft, "%s.new", path);
     identify(&by);
+    state->format = KEPT_FORMAT;
     keep_head(state, &by, &head);
     CHECK(!head.bad);
     int fd = open(draft, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0640);
@@ -191,7 +192,7 @@ static enum result read_file(const char *path, uint8_t **out_bytes, size_t *out_
                     strerror(errno));
     errno = EFBIG;
     bool readable = fstat(fd, &status) == 0 && S_ISREG(status.st_mode) && status.st_size >= 0 &&
-                    (size_t)status.st_size <= STATE_MAX + HEAD_MAX;
+                    (size_t)status.st_size <= TRACE_STATE_MAX + HEAD_MAX;
     *out_size = readable ? (size_t)status.st_size : 0;
     *out_bytes = alloc(*out_size + 1, 1);
     readable = readable && pread(fd, *out_bytes, *out_size, 0) == (ssize_t)*out_size;
@@ -200,23 +201,42 @@ static enum result read_file(const char *path, uint8_t **out_bytes, size_t *out_
     return readable ? RESULT_OK : fail(err, RESULT_IO, "%s: %s", path, strerror(fault));
 }
 
-static enum result decode(const char *path, const uint8_t *bytes, size_t size,
-                          struct trace_state *out, struct error *err) {
+enum result trace_state_load(const char *trace, uint8_t **out_bytes, size_t *out_size,
+                             struct error *err) {
+    char path[TRACE_STATE_PATH_MAX];
+    trace_state_path(trace, path);
+    return read_file(path, out_bytes, out_size, err);
+}
+
+enum result trace_state_parse(const uint8_t *bytes, size_t size, struct trace_state *out,
+                              struct error *err) {
     struct identity by, here;
     uint8_t sum[TRACE_HASH_SIZE];
     struct kept k = kept_from(bytes, size);
+    memset(out, 0, sizeof *out);
     keep_head(out, &by, &k);
     if (k.bad)
-        return fail(err, RESULT_CORRUPT, "%s: it is no state of a session", path);
-    identify(&here);
-    if (memcmp(&by, &here, sizeof by) != 0)
-        return fail(err, RESULT_REFUSED, "%s: another program or machine wrote it", path);
+        return fail(err, RESULT_CORRUPT, "it is no state of a session");
     if (kept_left(&k) != out->size + sizeof sum ||
         !add_sum(bytes, k.used, bytes + k.used, out->size, sum) ||
         memcmp(sum, bytes + size - sizeof sum, sizeof sum) != 0)
-        return fail(err, RESULT_CORRUPT, "%s: it is not whole", path);
-    out->content = alloc(out->size + 1, 1);
-    memcpy(out->content, bytes + k.used, out->size);
+        return fail(err, RESULT_CORRUPT, "it is not whole");
+    out->content = k.data + k.used;
+    identify(&here);
+    out->is_own = out->format == KEPT_FORMAT && memcmp(&by, &here, sizeof by) == 0;
+    return RESULT_OK;
+}
+
+static enum result take_own(const char *path, const uint8_t *bytes, size_t size,
+                            struct trace_state *out, struct error *err) {
+    struct trace_state state;
+    if (trace_state_parse(bytes, size, &state, err) != RESULT_OK)
+        return fail_in(err, RESULT_CORRUPT, "%s: ", path);
+    if (!state.is_own)
+        return fail(err, RESULT_REFUSED, "%s: another program or machine wrote it", path);
+    *out = state;
+    out->content = alloc(state.size + 1, 1);
+    memcpy(out->content, state.content, state.size);
     return RESULT_OK;
 }
 
@@ -228,7 +248,7 @@ enum result trace_state_read(const char *trace, struct trace_state *out, struct 
     trace_state_path(trace, path);
     enum result result = read_file(path, &bytes, &size, err);
     if (result == RESULT_OK)
-        result = decode(path, bytes, size, out, err);
+        result = take_own(path, bytes, size, out, err);
     free(bytes);
     return result;
 }

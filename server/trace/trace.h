@@ -14,11 +14,14 @@
 #include "step/session.h"
 #include "trace/remark.h"
 
-#define TRACE_VERSION 6
+#define TRACE_VERSION 7
 #define TRACE_OLDEST_VERSION 2    // the oldest that can be read
 #define TRACE_OLDEST_RESUMED 4    // the oldest that a resumed session can be appended to
 #define TRACE_FIRST_WITH_FAULTS 5 // the first with TRACE_FAULT, TRACE_TOUCH and TRACE_MARKER
 #define TRACE_FIRST_WITH_ATTEMPTS 6
+#define TRACE_FIRST_WITH_PARTS 7 // the first with TRACE_STATE and TRACE_TAKEN
+
+#define TRACE_PARTS_MAX UINT16_MAX
 
 #define TRACE_HASH_SIZE 32
 #define TRACE_CERTIFICATE_MAX 4096
@@ -42,6 +45,11 @@ struct trace_header {
     char build[64];  // SHA-1 of the compiled rooms that a step runs
     char libc[64];   // the C library, which has the mathematical functions
     char cpu[64];    // CPU level, as glibc names it
+    // Which part of the session's trace this is. 1: the session began in it; from 2 on the trace
+    // begins with a state (trace/part.h). Before version 7: 1.
+    uint16_t part;
+    char server[64]; // that wrote it, as its cluster names it; empty: it is in none
+    uint64_t token;  // by which it had the station's sessions; rises from part to part; 0: none
 };
 
 // Fills build, libc and cpu with those of this process.
@@ -72,10 +80,23 @@ struct trace_signer {
     void *context;
 };
 
-// Makes the file (it must not exist), writes the header and puts it on disk. `signer` may be NULL.
+struct trace_record;
+
+// Learns what another server needs to go on with the session: each record that is no step, and each
+// step that has a command, asks for a job, or lands one. Not the state of a later part, gaps,
+// faults, restarts and the end. In order, once the bytes are in the file; a record may be on disk
+// by then or not. Called from the threads that write, which wait for it. It must outlive the
+// writer; so must what the record points to, only during the call.
+struct trace_tap {
+    void (*record)(void *user, const struct trace_record *record);
+    void *user;
+};
+
+// Makes the file (it must not exist), writes the header and puts it on disk. `signer` and `tap` may
+// be NULL. The header's part 0 counts as 1.
 enum result trace_writer_create(const char *path, const struct trace_header *header,
-                                const struct trace_signer *signer, struct trace_writer **out_writer,
-                                struct error *err);
+                                const struct trace_signer *signer, const struct trace_tap *tap,
+                                struct trace_writer **out_writer, struct error *err);
 
 struct trace_place;
 
@@ -83,8 +104,8 @@ struct trace_place;
 // utc_ns. Bytes after the last whole record are cut off. RESULT_REFUSED: another writer has the
 // file.
 enum result trace_writer_resume(const char *path, const struct trace_place *end, int64_t utc_ns,
-                                const struct trace_signer *signer, struct trace_writer **out_writer,
-                                struct error *err);
+                                const struct trace_signer *signer, const struct trace_tap *tap,
+                                struct trace_writer **out_writer, struct error *err);
 
 #define TRACE_TASK_NAME_MAX 32
 #define TRACE_TASK_MAX 8192 // bytes of a task's file
@@ -149,11 +170,10 @@ void trace_place_behind(const struct trace_writer *writer, uint64_t position,
 // Whether a writer of any process has the file.
 bool trace_is_written(const char *path);
 
-struct trace_record;
-
-// Appends a record that was read from another trace: a step or a past input with its touch, a gap,
-// a remark, a marker, the begin or the end of an attempt. It waits for the disk, so a worker must
-// not call it. RESULT_IO: the disk is full or has failed.
+// Appends a record that was read from another trace: a step, a past input or a taken job with its
+// touch, a part of a touch whose job follows without, a gap, a remark, a marker, the begin or the
+// end of an attempt. Others are passed over. It waits for the disk, so a worker must not call it.
+// RESULT_IO: the disk is full or has failed.
 enum result trace_append_record(struct trace_writer *writer, const struct trace_record *record,
                                 struct error *err);
 
@@ -193,7 +213,9 @@ enum trace_record_type {
     TRACE_TOUCH = 8,  // part of what the next job to land changes of the touched surface
     TRACE_MARKER = 9, // no input of the session; its time may be before that of the step before it
     TRACE_BEGUN = 10, // an attempt begins with the next step: no input of the session
-    TRACE_ENDED = 11  // the attempt that began last ended with the step before
+    TRACE_ENDED = 11, // the attempt that began last ended with the step before
+    TRACE_STATE = 12, // part of the state from which a later part begins
+    TRACE_TAKEN = 13  // a job that landed behind that state, in the trace of another server
 };
 
 struct trace_touch_part {
@@ -203,26 +225,44 @@ struct trace_touch_part {
     const uint8_t *bytes;         // valid until the next record is read
 };
 
+struct trace_state_part {
+    uint32_t whole, offset, size; // as of a touch
+    const uint8_t *bytes;
+};
+
+struct trace_state;
+
 struct trace_record {
     enum trace_record_type type;
-    uint64_t offset;              // of the record in the file
-    uint64_t size;                // of the whole record
-    struct session_input input;   // TRACE_STEP, TRACE_PAST; of INPUT_JOB without the result
+    uint64_t offset; // of the record in the file
+    uint64_t size;   // of the whole record
+    // TRACE_STEP, TRACE_PAST; of INPUT_JOB without the result. TRACE_TAKEN: the landing's.
+    struct session_input input;
     bool job_done;                // INPUT_JOB: whether there was a result
-    struct session_output output; // TRACE_STEP
+    struct session_output output; // TRACE_STEP; of TRACE_TAKEN the job, and how it landed
     uint64_t missing;     // TRACE_GAP: steps not recorded here; TRACE_END: in the whole session
     uint64_t records;     // TRACE_END: steps recorded
     int64_t utc_ns;       // TRACE_RESUME, TRACE_FAULT: when
     struct remark remark; // TRACE_REMARK
     struct marker marker; // TRACE_MARKER
-    // TRACE_STEP, TRACE_PAST of INPUT_JOB: what the job changed of the touched surface, by offsets.
-    // NULL: nothing, or it is not recorded. Valid until the next record is read.
+    // TRACE_STEP, TRACE_PAST, TRACE_TAKEN of INPUT_JOB: what the job changed of the touched
+    // surface, by offsets. NULL: nothing, or it is not recorded. Valid until the next record is
+    // read.
     const struct touch_change *touch;
     int touch_tissue;
     struct trace_touch_part touch_part; // TRACE_TOUCH
     struct trace_attempt begun; // TRACE_BEGUN; its text: valid until the next record is read
     struct trace_outcome ended; // TRACE_ENDED
+    struct trace_state_part state_part; // TRACE_STATE
+    // With the last part of the state: all of it (trace/state.h), valid until the next record is
+    // read. Else NULL.
+    const struct trace_state *state;
 };
+
+// Whether the record is of a step: recorded, past or taken over.
+static inline bool record_is_input(const struct trace_record *record) {
+    return record->type == TRACE_STEP || record->type == TRACE_PAST || record->type == TRACE_TAKEN;
+}
 
 // The place up to which a trace was read.
 struct trace_place {
@@ -230,7 +270,7 @@ struct trace_place {
     uint64_t step;    // number of the last step, with those in gaps and past ones
     uint64_t records; // recorded steps
     uint64_t missing; // steps in gaps
-    uint64_t past;    // inputs of TRACE_PAST
+    uint64_t past;    // steps before and between that are not recorded here
     int64_t time_ns;  // of the last step
     unsigned version; // of the trace
     int rules;        // of its steps (step/settings.h)

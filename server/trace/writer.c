@@ -23,6 +23,10 @@ static void count(atomic_uint_fast64_t *counter, uint64_t more) {
     atomic_fetch_add_explicit(counter, more, memory_order_relaxed);
 }
 
+static bool is_told(const struct session_input *input, const struct session_output *output) {
+    return input->kind == INPUT_JOB || input_is_command(input->kind) || output->job.id;
+}
+
 // Before what follows: that the disk failed, that steps are missing.
 static size_t encode_troubles(struct trace_writer *w, uint8_t *data) {
     size_t size = 0;
@@ -66,6 +70,21 @@ static void put_touch(struct trace_writer *w, const struct touch_source *source)
     }
 }
 
+// There is room for the step, which will be at this position.
+static void note(struct trace_writer *w, const struct session_input *input,
+                 const struct session_output *output, uint64_t at) {
+    struct notes *notes = &w->notes;
+    uint64_t head = atomic_load_explicit(&notes->head, memory_order_relaxed);
+    if (!w->tap || !is_told(input, output))
+        return;
+    if (head - atomic_load_explicit(&notes->tail, memory_order_acquire) == NOTES) {
+        atomic_store_explicit(&notes->lost, at + 1, memory_order_release);
+        return;
+    }
+    notes->at[head % NOTES] = at;
+    atomic_store_explicit(&notes->head, head + 1, memory_order_release);
+}
+
 static bool append(struct trace_writer *w, const struct session_input *input, bool job_done,
                    const struct touch_source *source, const struct session_output *output) {
     uint8_t data[3 * RECORD_MAX];
@@ -78,11 +97,14 @@ static bool append(struct trace_writer *w, const struct session_input *input, bo
         put_touch(w, source);
         size = 0;
     }
+    size_t before = size;
     size += record_encode_step(input, job_done, output, w->rules, NULL, data + size);
-    if (!buffer_put(&w->buffer, data, size)) {
+    if (!buffer_has_room(&w->buffer, size)) {
         w->faults_told = told;
         return false;
     }
+    note(w, input, output, buffer_head(&w->buffer) + before);
+    CHECK(buffer_put(&w->buffer, data, size));
     w->gap = 0;
     count(&w->records, 1);
     return true;
@@ -179,13 +201,20 @@ static enum result wait_for_room(struct trace_writer *w, size_t size, struct err
     return RESULT_OK;
 }
 
-static void append_past(struct trace_writer *w, const struct trace_record *record,
-                        const struct touch_source *source) {
+static void append_input(struct trace_writer *w, const struct trace_record *record,
+                         const struct touch_source *source) {
     uint8_t data[RECORD_MAX];
     if (source->touch)
         put_touch(w, source);
-    CHECK(buffer_put(&w->buffer, data,
-                     record_encode_past(&record->input, record->job_done, NULL, data)));
+    size_t size = record->type == TRACE_TAKEN
+                      ? record_encode_taken(record, w->rules, NULL, data)
+                      : record_encode_past(&record->input, record->job_done, NULL, data);
+    CHECK(buffer_put(&w->buffer, data, size));
+}
+
+static void append_touch_part(struct trace_writer *w, const struct trace_touch_part *part) {
+    uint8_t data[RECORD_MAX];
+    CHECK(buffer_put(&w->buffer, data, record_encode_touch(part, NULL, data)));
 }
 
 enum result trace_append_record(struct trace_writer *w, const struct trace_record *record,
@@ -198,8 +227,10 @@ enum result trace_append_record(struct trace_writer *w, const struct trace_recor
         return result;
     if (record->type == TRACE_STEP)
         CHECK(append(w, &record->input, record->job_done, &source, &record->output));
-    if (record->type == TRACE_PAST)
-        append_past(w, record, &source);
+    if (record->type == TRACE_PAST || record->type == TRACE_TAKEN)
+        append_input(w, record, &source);
+    if (record->type == TRACE_TOUCH)
+        append_touch_part(w, &record->touch_part);
     if (record->type == TRACE_REMARK)
         CHECK(trace_append_remark(w, &record->remark));
     if (record->type == TRACE_MARKER)
@@ -213,6 +244,15 @@ enum result trace_append_record(struct trace_writer *w, const struct trace_recor
         count(&w->missing, record->missing);
     }
     return RESULT_OK;
+}
+
+enum result writer_append_state(struct trace_writer *w, const struct trace_state_part *part,
+                                struct error *err) {
+    uint8_t data[RECORD_MAX];
+    enum result result = wait_for_room(w, RECORD_MAX, err);
+    if (result == RESULT_OK)
+        CHECK(buffer_put(&w->buffer, data, record_encode_state(part, NULL, data)));
+    return result;
 }
 
 struct trace_status trace_writer_status(const struct trace_writer *w) {
@@ -241,6 +281,56 @@ void writer_seal(struct trace_writer *w) {
         chain_add(&w->chain, data, size);
         buffer_change(&w->buffer, w->sealed + size, w->chain.value, sizeof w->chain.value);
         w->sealed += size + sizeof w->chain.value;
+    }
+}
+
+// ---- the tap
+
+// Whether the tap learns of the step at this position, as the appender noted it; where notes were
+// lost, its output tells.
+static bool is_noted(struct trace_writer *w, uint64_t at, bool *out_is_lost) {
+    struct notes *notes = &w->notes;
+    uint64_t tail = atomic_load_explicit(&notes->tail, memory_order_relaxed);
+    *out_is_lost = at < atomic_load_explicit(&notes->lost, memory_order_acquire);
+    if (tail == atomic_load_explicit(&notes->head, memory_order_acquire) ||
+        notes->at[tail % NOTES] != at)
+        return false;
+    atomic_store_explicit(&notes->tail, tail + 1, memory_order_release);
+    return true;
+}
+
+static bool has_type_to_tell(unsigned type) {
+    return type != TRACE_GAP && type != TRACE_END && type != TRACE_RESUME && type != TRACE_FAULT &&
+           type != TRACE_STATE;
+}
+
+static void tell(struct trace_writer *w, uint64_t at, size_t size) {
+    static _Thread_local struct trace_record record;
+    uint8_t data[RECORD_MAX];
+    bool is_lost = false;
+    buffer_read(&w->buffer, at, data, size);
+    bool is_step = data[RECORD_PREFIX - 1] == TRACE_STEP;
+    if (!has_type_to_tell(data[RECORD_PREFIX - 1]) ||
+        (is_step && !is_noted(w, at, &is_lost) && !is_lost))
+        return;
+    CHECK(record_decode_bare(data, size, w->layout, &record, NULL, NULL) == RESULT_OK);
+    if (is_step && !is_told(&record.input, &record.output))
+        return;
+    record.offset = w->offset + at;
+    record.size = size + TRACE_HASH_SIZE;
+    w->tap->record(w->tap->user, &record);
+}
+
+// While the program crashes, nobody is told.
+void writer_tap(struct trace_writer *w) {
+    uint64_t written = atomic_load(&w->written);
+    while (w->tap && !atomic_load_explicit(&disk_ends, memory_order_relaxed) &&
+           w->tapped + RECORD_PREFIX <= written) {
+        size_t size = size_of_record(w, w->tapped);
+        if (w->tapped + size + TRACE_HASH_SIZE > written)
+            return;
+        tell(w, w->tapped, size);
+        w->tapped += size + TRACE_HASH_SIZE;
     }
 }
 
@@ -308,12 +398,13 @@ static void release(struct trace_writer *w) {
 
 // NULL: no memory; the file is closed then.
 static struct trace_writer *writer_of(int fd, const char *path, const struct trace_signer *signer,
-                                      struct error *err) {
+                                      const struct trace_tap *tap, struct error *err) {
     struct trace_writer *w = alloc_aligned(64, sizeof *w);
     memset(w, 0, sizeof *w);
     w->fd = fd;
     w->path = alloc_text(path);
     w->signer = signer;
+    w->tap = tap;
     w->synced_ns = clock_now_ns();
     pthread_mutex_init(&w->writing, NULL);
     chain_init(&w->chain);
@@ -336,18 +427,19 @@ static bool lock(int fd) {
 }
 
 enum result trace_writer_create(const char *path, const struct trace_header *header,
-                                const struct trace_signer *signer, struct trace_writer **out_writer,
-                                struct error *err) {
+                                const struct trace_signer *signer, const struct trace_tap *tap,
+                                struct trace_writer **out_writer, struct error *err) {
     int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0640);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    struct trace_writer *w = writer_of(fd, path, signer, err);
+    struct trace_writer *w = writer_of(fd, path, signer, tap, err);
     if (!w) {
         unlink(path);
         return RESULT_LIMIT;
     }
     w->version = TRACE_VERSION;
     w->rules = header->settings.rules;
+    w->layout = layout_of(header, TRACE_VERSION);
     uint8_t data[HEADER_MAX];
     size_t size = header_encode(header, &w->chain, data);
     enum result result = lock(fd) ? put_on_disk(fd, path, data, size, err)
@@ -371,6 +463,17 @@ bool trace_is_written(const char *path) {
     bool written = !lock(fd);
     close(fd);
     return written;
+}
+
+// What a tap needs to read the records.
+static enum result take_layout(struct trace_writer *w, struct error *err) {
+    struct trace_reader *reader;
+    enum result result = w->tap ? trace_reader_create(w->path, &reader, err) : RESULT_OK;
+    if (!w->tap || result != RESULT_OK)
+        return result;
+    w->layout = layout_of(trace_reader_header(reader), w->version);
+    trace_reader_destroy(&reader);
+    return RESULT_OK;
 }
 
 // If fdatasync failed before the writer of before ended, the system may hold pages that are not on
@@ -400,12 +503,12 @@ static enum result cut_back(int fd, const char *path, uint64_t offset, struct er
 }
 
 enum result trace_writer_resume(const char *path, const struct trace_place *end, int64_t utc_ns,
-                                const struct trace_signer *signer, struct trace_writer **out_writer,
-                                struct error *err) {
+                                const struct trace_signer *signer, const struct trace_tap *tap,
+                                struct trace_writer **out_writer, struct error *err) {
     int fd = open(path, O_RDWR | O_CLOEXEC);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    struct trace_writer *w = writer_of(fd, path, signer, err);
+    struct trace_writer *w = writer_of(fd, path, signer, tap, err);
     if (!w)
         return RESULT_LIMIT;
     w->version = end->version;
@@ -414,6 +517,8 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
     uint8_t data[RECORD_MAX];
     size_t size = record_encode_resume(utc_ns, &w->chain, data);
     enum result result = cut_back(fd, path, end->offset, err);
+    if (result == RESULT_OK)
+        result = take_layout(w, err);
     if (result == RESULT_OK)
         result = put_on_disk(fd, path, data, size, err);
     w->offset = end->offset + size;

@@ -57,7 +57,7 @@ static enum result open_station(const struct scene *scene, const char *folder, i
                             .frames = alloc(FRAMES, sizeof(struct datagram))};
     struct session_output output;
     session_step(out->session, &(struct session_input){.kind = INPUT_START, .time_ns = 1}, &output);
-    return trace_writer_create(path, &header, NULL, &out->trace, err);
+    return trace_writer_create(path, &header, NULL, NULL, &out->trace, err);
 }
 
 static void close_station(struct station *station) {

@@ -197,7 +197,7 @@ static struct trace_header header_of(const struct scene *scene) {
 static enum result play(struct played_hour *h, int64_t lasts_s, struct error *err) {
     struct trace_header header = header_of(h->scene);
     struct session_runtime *r = &h->runtime;
-    enum result result = trace_writer_create(h->trace, &header, NULL, &r->trace, err);
+    enum result result = trace_writer_create(h->trace, &header, NULL, NULL, &r->trace, err);
     if (result != RESULT_OK)
         return result;
     choose_places(h);

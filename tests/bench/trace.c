@@ -135,7 +135,7 @@ static enum result record(const struct played *played, const struct session_sett
         .optic = view_optic_usual(),
     };
     trace_header_set_machine(&header);
-    enum result result = trace_writer_create(path, &header, NULL, &r->writer, err);
+    enum result result = trace_writer_create(path, &header, NULL, NULL, &r->writer, err);
     if (result != RESULT_OK)
         return result;
     played_run(played, settings, played->motion.row_count, append, r);

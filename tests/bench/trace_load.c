@@ -38,7 +38,7 @@ static enum result open_load(const char *folder, struct load *load, struct error
         struct trace_header header = {.settings = session_settings_default(),
                                       .optic = view_optic_usual()};
         name_trace(folder, i, path, sizeof path);
-        enum result result = trace_writer_create(path, &header, NULL, &load->writers[i], err);
+        enum result result = trace_writer_create(path, &header, NULL, NULL, &load->writers[i], err);
         if (result != RESULT_OK)
             return result;
     }

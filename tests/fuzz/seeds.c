@@ -334,7 +334,7 @@ static struct trace_writer *begin_trace(const char *file, const struct instrumen
     header.settings.instruments = *instruments;
     header.optic = view_optic_usual();
     struct trace_writer *writer;
-    CHECK(trace_writer_create(file, &header, NULL, &writer, NULL) == RESULT_OK);
+    CHECK(trace_writer_create(file, &header, NULL, NULL, &writer, NULL) == RESULT_OK);
     return writer;
 }
 

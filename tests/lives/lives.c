@@ -193,8 +193,8 @@ static void resume(struct living *l) {
     trace_reader_bind(r.reader, l->scene);
     result = trace_play(r.reader, &player, NULL);
     CHECK(result == RESULT_MISSING);
-    rerun_release(&r.rerun, &l->session, &l->operation, &l->landing);
-    result = trace_writer_resume(l->path, &r.place, 0, NULL, &l->trace, NULL);
+    rerun_release(&r.rerun, &l->session, &l->operation, &l->landing, NULL);
+    result = trace_writer_resume(l->path, &r.place, 0, NULL, NULL, &l->trace, NULL);
     CHECK(result == RESULT_OK);
     l->awaited = trace_position(l->trace);
     l->lands_ns = 0; // when it was asked for is lost
@@ -301,7 +301,7 @@ enum result lives_run(const struct task_file *file, const struct scene *scene,
     enum result result =
         site_create(&l.task, scene, &header.settings.instruments, &header.optic, &l.site, err);
     if (result == RESULT_OK)
-        result = trace_writer_create(trace, &header, NULL, &l.trace, err);
+        result = trace_writer_create(trace, &header, NULL, NULL, &l.trace, err);
     if (result != RESULT_OK) {
         site_destroy(&l.site);
         return result;

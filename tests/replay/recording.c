@@ -75,7 +75,7 @@ void record(const struct trace_header *header, uint64_t from,
     struct recorder r = {.from = from, .change = change};
     struct error err = {""};
     unlink(trace_path);
-    if (trace_writer_create(trace_path, header, NULL, &r.writer, &err) != RESULT_OK)
+    if (trace_writer_create(trace_path, header, NULL, NULL, &r.writer, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     played_run(&played, &settings, played.motion.row_count, record_step, &r);
     trace_writer_destroy(&r.writer);

@@ -43,7 +43,7 @@ int make_served(void **state) {
     snprintf(served_path, sizeof served_path, "%s-served", trace_path);
     struct trace_header header = bites_header();
     header.start_utc_ns = start_utc_ns;
-    assert_ok(trace_writer_create(served_path, &header, NULL, &writer, &err));
+    assert_ok(trace_writer_create(served_path, &header, NULL, NULL, &writer, &err));
     assert_ok(trace_reader_create(trace_path, &reader, &err));
     while (trace_read(reader, &record, &err) == RESULT_OK) {
         if (record.type != TRACE_END && record.type != TRACE_TOUCH)

@@ -140,7 +140,7 @@ static void forge(void (*change)(struct touch_change *touch)) {
     struct trace_record step;
     struct error err = {""};
     unlink(forged_path);
-    assert_ok(trace_writer_create(forged_path, &header, NULL, &writer, &err));
+    assert_ok(trace_writer_create(forged_path, &header, NULL, NULL, &writer, &err));
     struct trace_reader *reader = open_recorded(trace_path);
     while (trace_read(reader, &step, NULL) == RESULT_OK) {
         struct touch_change touch = {0};

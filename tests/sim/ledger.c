@@ -171,14 +171,17 @@ static struct ledger *begin_unseen(const char *path, const struct trace_place *e
 
 enum result __real_trace_writer_create(const char *path, const struct trace_header *header,
                                        const struct trace_signer *signer,
+                                       const struct trace_tap *tap,
                                        struct trace_writer **out_writer, struct error *err);
 enum result __wrap_trace_writer_create(const char *path, const struct trace_header *header,
                                        const struct trace_signer *signer,
+                                       const struct trace_tap *tap,
                                        struct trace_writer **out_writer, struct error *err);
 enum result __wrap_trace_writer_create(const char *path, const struct trace_header *header,
                                        const struct trace_signer *signer,
+                                       const struct trace_tap *tap,
                                        struct trace_writer **out_writer, struct error *err) {
-    enum result result = __real_trace_writer_create(path, header, signer, out_writer, err);
+    enum result result = __real_trace_writer_create(path, header, signer, tap, out_writer, err);
     if (result != RESULT_OK || sim_is_dead())
         return result;
     struct ledger *l = begin_ledger(path, header);
@@ -189,14 +192,18 @@ enum result __wrap_trace_writer_create(const char *path, const struct trace_head
 
 enum result __real_trace_writer_resume(const char *path, const struct trace_place *end,
                                        int64_t utc_ns, const struct trace_signer *signer,
+                                       const struct trace_tap *tap,
                                        struct trace_writer **out_writer, struct error *err);
 enum result __wrap_trace_writer_resume(const char *path, const struct trace_place *end,
                                        int64_t utc_ns, const struct trace_signer *signer,
+                                       const struct trace_tap *tap,
                                        struct trace_writer **out_writer, struct error *err);
 enum result __wrap_trace_writer_resume(const char *path, const struct trace_place *end,
                                        int64_t utc_ns, const struct trace_signer *signer,
+                                       const struct trace_tap *tap,
                                        struct trace_writer **out_writer, struct error *err) {
-    enum result result = __real_trace_writer_resume(path, end, utc_ns, signer, out_writer, err);
+    enum result result =
+        __real_trace_writer_resume(path, end, utc_ns, signer, tap, out_writer, err);
     struct ledger *l = find_path(path);
     if (result != RESULT_OK || sim_is_dead())
         return result;

@@ -64,7 +64,7 @@ static void record(const struct sessions *sessions, uint64_t gap, uint64_t case_
     trace_header_set_machine(&header);
     snprintf(path, sizeof path, "%s/traces/room-1-20260102T030405Z-%.8s.trace", hall_dir, ID);
     unlink(path);
-    if (trace_writer_create(path, &header, NULL, &writer, &err) != RESULT_OK)
+    if (trace_writer_create(path, &header, NULL, NULL, &writer, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     for (uint64_t i = 1; i <= STEPS; i++) {
         step(gap && i > gap ? i + 100 : i, &one);

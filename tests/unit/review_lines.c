@@ -39,7 +39,7 @@ static void write_resumed(void) {
     append(writer, 1);
     trace_writer_destroy(&writer);
     struct trace_place place = end_of_first_half();
-    assert_int_equal(trace_writer_resume(path, &place, RESUMED_UTC_NS, NULL, &writer, NULL),
+    assert_int_equal(trace_writer_resume(path, &place, RESUMED_UTC_NS, NULL, NULL, &writer, NULL),
                      RESULT_OK);
     append(writer, HALF + 1);
     trace_writer_destroy(&writer);

@@ -107,7 +107,7 @@ static void an_existing_file_is_never_overwritten(void **state) {
     struct trace_header header = some_header();
     struct trace_writer *writer = NULL;
     struct error err = {""};
-    assert_int_equal(trace_writer_create(path, &header, NULL, &writer, &err), RESULT_IO);
+    assert_int_equal(trace_writer_create(path, &header, NULL, NULL, &writer, &err), RESULT_IO);
     assert_null(writer);
     assert_non_null(strstr(err.text, path));
 }

@@ -19,7 +19,7 @@ static void put_trace(const char *station, uint8_t first, const char *rename_to,
     header.session_id[15] = first; // the first digits are the same
     trace_name(&header, name);
     snprintf(out_path, PLACE_MAX, "%s/%s", folder, rename_to ? rename_to : name);
-    assert_int_equal(trace_writer_create(out_path, &header, NULL, &writer, NULL), RESULT_OK);
+    assert_int_equal(trace_writer_create(out_path, &header, NULL, NULL, &writer, NULL), RESULT_OK);
     trace_writer_destroy(&writer);
 }
 

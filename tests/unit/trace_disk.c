@@ -298,7 +298,7 @@ static void many_writers_share_two_threads_and_touch_little_memory(void **state)
     long before_kb = resident_kb();
     for (int i = 0; i < MANY; i++) {
         snprintf(names[i], sizeof names[i], "%s.%d", path, i);
-        assert_int_equal(trace_writer_create(names[i], &header, NULL, &writers[i], NULL),
+        assert_int_equal(trace_writer_create(names[i], &header, NULL, NULL, &writers[i], NULL),
                          RESULT_OK);
     }
     for (uint64_t n = 1; n <= 50; n++)
@@ -344,7 +344,7 @@ static void what_may_not_be_on_disk_is_written_again_when_a_trace_goes_on(void *
     struct trace_place place = trace_reader_place(reader);
     trace_reader_destroy(&reader);
     atomic_store(&written_end, place.offset);
-    if (trace_writer_resume(path, &place, 0, NULL, &writer, &err) != RESULT_OK)
+    if (trace_writer_resume(path, &place, 0, NULL, NULL, &writer, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     atomic_store(&written_end, 0);
     assert_int_equal(atomic_load(&written_before), place.offset);

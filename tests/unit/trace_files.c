@@ -258,7 +258,7 @@ struct trace_writer *start_writing(void) {
     struct trace_header header = some_header();
     struct trace_writer *writer;
     struct error err = {""};
-    if (trace_writer_create(path, &header, NULL, &writer, &err) != RESULT_OK)
+    if (trace_writer_create(path, &header, NULL, NULL, &writer, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     return writer;
 }

@@ -69,7 +69,7 @@ static void a_piece_keeps_its_remarks(void **state) {
     write_with_remarks();
     struct trace_reader *reader = open_trace(path);
     assert_int_equal(
-        trace_writer_create(copy_path, trace_reader_header(reader), NULL, &writer, NULL),
+        trace_writer_create(copy_path, trace_reader_header(reader), NULL, NULL, &writer, NULL),
         RESULT_OK);
     while (trace_read(reader, &record, NULL) == RESULT_OK)
         assert_int_equal(trace_append_record(writer, &record, NULL), RESULT_OK);

@@ -47,7 +47,7 @@ static void write_signed(const struct trace_signer *signer) {
     struct trace_header header = some_header();
     struct trace_writer *writer;
     unlink(path);
-    assert_int_equal(trace_writer_create(path, &header, signer, &writer, NULL), RESULT_OK);
+    assert_int_equal(trace_writer_create(path, &header, signer, NULL, &writer, NULL), RESULT_OK);
     for (uint64_t n = 1; n <= 5; n++)
         assert_true(append_step(writer, n));
     trace_writer_destroy(&writer);

@@ -191,7 +191,7 @@ static void older_rules_have_no_touches(void **state) {
     struct trace_record record;
     header.settings.rules = RULES_TOUCH_FITTED - 1;
     unlink(path);
-    assert_int_equal(trace_writer_create(path, &header, NULL, &writer, NULL), RESULT_OK);
+    assert_int_equal(trace_writer_create(path, &header, NULL, NULL, &writer, NULL), RESULT_OK);
     assert_true(append_step(writer, 1));
     append_landing(writer, &touch);
     trace_writer_destroy(&writer);
@@ -212,7 +212,7 @@ static void a_copied_input_keeps_its_touch(void **state) {
     struct trace_header header = some_header();
     write_with_touch(&touch);
     unlink(copy_path);
-    assert_int_equal(trace_writer_create(copy_path, &header, NULL, &writer, NULL), RESULT_OK);
+    assert_int_equal(trace_writer_create(copy_path, &header, NULL, NULL, &writer, NULL), RESULT_OK);
     struct trace_reader *reader = open_trace(path);
     while (trace_read(reader, &record, NULL) == RESULT_OK) {
         if (record.type == TRACE_STEP && record.output.step <= LANDING)
@@ -351,7 +351,7 @@ static void a_touch_without_its_landing_is_cut_off(void **state) {
     assert_int_equal(place.offset, file.at[1]);
     assert_int_equal(place.step, 1);
     trace_reader_destroy(&reader);
-    assert_ok(trace_writer_resume(path, &place, 1, NULL, &writer, &err));
+    assert_ok(trace_writer_resume(path, &place, 1, NULL, NULL, &writer, &err));
     assert_true(append_step(writer, 2));
     trace_writer_destroy(&writer);
     reader = open_trace(path);

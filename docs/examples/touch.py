@@ -18,7 +18,7 @@ UNITS_PER_MM = 1 << 20
 def records(data):
     """(type, payload) of each whole record of a trace of version 5 or 6, its hash checked."""
     magic, version, size = struct.unpack_from("<8sHI", data)
-    if magic != b"ARTHRTRC" or version not in (5, 6):
+    if magic != b"ARTHRTRC" or version not in (5, 6, 7):
         sys.exit("this is no trace of version 5 or 6")
     at, end, before = 0, 14 + size, bytes(HASH)
     while end + HASH <= len(data):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads traces of versions 2 to 6, with Python's standard library alone. server/trace/FORMAT.md describes the bytes.
+"""Reads traces of versions 2 to 7, with Python's standard library alone. server/trace/FORMAT.md describes the bytes.
 
   docs/examples/trace.py FILE
 
@@ -18,7 +18,8 @@ LAYOUTS = {
     "header": """session:16s parent:32s:3 parent_session:16s:4 station:text trainee:text case_name:text case_dir:text
         case_hash:Q start_utc_ns:q start_ns:q rules:B:5 field:B unit_mm:d radius_mm:d background_per_mm:d skin_mm:d
         strength:d adaptive:B:3 avatar:B:3 bodies:bodies:3 hold_ns:q ease_share:d ease_mm_s:d tilt_deg:d:4
-        field_deg:d:4 build:text libc:text cpu:text tools:tools:6 loose_bodies:B:6""",
+        field_deg:d:4 build:text libc:text cpu:text tools:tools:6 loose_bodies:B:6 part:H:7
+        server:text:7 token:Q:7""",
     "input": "kind:B time_ns:q more:more", "frame": "number:Q time_ns:q samples:samples", "result": "job:Q done:B",
     "sample": "channel:B kind:B validity:B device:B time_ns:q value:value",
     "step": """input:input step:Q frame_number:Q time_ns:q state:B events:I joint:6d joint_validity:B bones:bones
@@ -34,9 +35,10 @@ LAYOUTS = {
     "end": "records:Q missing:Q certificate:bytes:3 signature:bytes:3", "resume": "utc_ns:q", "fault": "utc_ns:q",
     "touch": "job:Q tissue:B size:I offset:I", "marker": "run:Q number:Q time_ns:q name:text device:text value:d",
     "begun": """number:I purpose:B hand:B task:text mark_version:I pass_time_s:d pass_errors:I file:file""",
+    "state": "size:I offset:I", "taken": "time_ns:q job:job landed:landed",
     "ended": "number:I end:B verdict:B goals_met:I errors:I first_step:Q last_step:Q time_ns:q"}
 RECORDS = {1: "step", 2: "gap", 3: "end", 4: "input", 5: "resume", 6: "remark", 7: "fault", 8: "touch", 9: "marker",
-           10: "begun", 11: "ended"}
+           10: "begun", 11: "ended", 12: "state", 13: "taken"}
 EVENTS = "state device_lost device_back contact release cut piece refused undone grasped dropped taken_out".split()
 STATES = "waiting running paused closed".split()
 TOOLS, BODIES = "probe punch shaver knife scope".split(), "femur tibia patella".split()
@@ -66,10 +68,11 @@ TYPES = {
 class Trace:
     def __init__(self, data):
         magic, self.version, size = struct.unpack_from("<8sHI", data)
-        magic == b"ARTHRTRC" and 2 <= self.version <= 6 or sys.exit("this is no trace of versions 2 to 6")
+        magic == b"ARTHRTRC" and 2 <= self.version <= 7 or sys.exit("this is no trace of versions 2 to 7")
         self.data, self.at, self.end, self.hash, self.whole = data, 14, 14 + size, bytes(32), False
         self.next = self.check(0, 14 + size) or sys.exit("the header is damaged")
-        self.header = {"rules": 1, "parent": bytes(32), "adaptive": 0, "avatar": 0, "tilt_deg": 30, "field_deg": 90}
+        self.header = {"rules": 1, "parent": bytes(32), "adaptive": 0, "avatar": 0, "tilt_deg": 30, "field_deg": 90,
+                       "part": 1, "server": "", "token": 0}
         self.header.update(self.read("header"))
 
     def check(self, begin, end):
@@ -95,7 +98,7 @@ class Trace:
     def read(self, layout):
         fields = {}
         for row in LAYOUTS[layout].split():
-            name, form, first, last = (row.split(":") + ["2", "6"][row.count(":") - 1:])[:4]
+            name, form, first, last = (row.split(":") + ["2", "7"][row.count(":") - 1:])[:4]
             if int(first) <= self.version <= int(last):
                 fields[name] = TYPES[form](self) if form in TYPES else self.take(form)
         return fields
@@ -126,6 +129,8 @@ def info(trace):
     for name, r in trace.records():
         count[name] += 1
         count["missing"] += r["missing"] if name == "gap" else 0
+        if name == "taken" and r["landed"]:
+            tissues[r["landed"]["tissue"]] = r["landed"]
         if name == "step":
             first, last = first or r, r
             count["frames"] += r["input"]["kind"] == 0
@@ -142,6 +147,7 @@ def info(trace):
     return {"session": trace.header["session"].hex(), "version": trace.version, "whole": trace.whole, "events": events,
             "seconds": (last["time_ns"] - first["time_ns"]) / 1e9 if first else 0, "steps": count["step"],
             "frames": count["frames"], "missing": count["missing"], "past": count["input"], "resumes": count["resume"],
+            "taken": count["taken"], **{key: trace.header[key] for key in ("part", "server", "token")},
             "state": STATES[last["state"] if first else 0], "displacement_max_mm": largest, "instruments": tools,
             "torn": [{"share_max": share} for share in torn],
             "resections": [resection(f) for _, f in sorted(tissues.items()) if f["mesh_number"] or f["refused"]]}

@@ -77,8 +77,13 @@ static bool on_past(void *user, const struct trace_record *record) {
     struct landing_run *g = user;
     struct session_output output;
     rerun_step(g->rerun, record, &output);
-    g->kind = output.job.id ? output.job.kind : g->kind;
     return true;
+}
+
+static bool on_state(void *user, const struct trace_state *state) {
+    struct landing_run *g = user;
+    g->result = rerun_take_over(g->rerun, state, g->err);
+    return g->result == RESULT_OK;
 }
 
 static bool stop(void *user, const struct trace_record *record) {
@@ -86,12 +91,15 @@ static bool stop(void *user, const struct trace_record *record) {
     return false;
 }
 
-// A piece of a record begins with inputs alone: what they led to must be found again.
+// A piece of a record begins with inputs alone, a later part with a state: what they led to must be
+// found again.
 static enum result run_past(struct landing_run *g, const struct export_request *request,
                             struct error *err) {
     struct trace_reader *reader;
     struct session *session;
-    struct trace_player player = {.user = g, .past = on_past, .step = stop};
+    struct job asked;
+    struct trace_player player = {
+        .user = g, .past = on_past, .taken = on_past, .state = on_state, .step = stop};
     enum result result = trace_reader_create(request->trace, &reader, err);
     if (result != RESULT_OK)
         return result;
@@ -103,8 +111,10 @@ static enum result run_past(struct landing_run *g, const struct export_request *
         struct error why; // of damage and of an early end the pass before has told
         if (trace_play(reader, &player, &why) == RESULT_IO)
             result = fail(err, RESULT_IO, "%s", why.text);
-        rerun_release(&g->rerun, &session, &g->operation, &g->pending, NULL);
+        rerun_release(&g->rerun, &session, &g->operation, &g->pending, &asked);
         session_destroy(&session);
+        g->kind = asked.kind;
+        result = result == RESULT_OK ? g->result : result;
     }
     trace_reader_destroy(&reader);
     return result;

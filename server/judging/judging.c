@@ -1,6 +1,8 @@
 #include "judging/judging.h"
 
+#include "task/attempt_keep.h"
 #include "trace/player.h"
+#include "trace/state_session.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -15,6 +17,8 @@ struct judging {
     int64_t begun_ns, last_ns; // as of judged_attempt, and of the last step
     struct site *site;
     struct attempt attempt;
+    struct kept_attempt kept; // of the state with which the trace begins; else 0
+    enum result broken;       // that state
     enum result result;
     struct error refused; // why the first that was
 };
@@ -50,6 +54,19 @@ static enum result read_task(struct judging *j, const struct trace_attempt *begu
     return task_parse(name, begun->text, begun->size, &j->file.task, err);
 }
 
+// Of one that had ended before the state, what the trace tells is all there is.
+static void take_kept(struct judging *j, const struct trace_attempt *begun) {
+    bool runs = begun->number == j->kept.number && kept_attempt_fits(&j->kept, j->site);
+    if (begun->number > j->kept.begun)
+        return;
+    if (!runs) {
+        site_destroy(&j->site);
+        return;
+    }
+    j->attempt = j->kept.attempt;
+    j->begun_ns = j->header->start_ns + j->kept.begun_ns;
+}
+
 // One that is refused is passed over: those behind it may be good.
 static bool on_begun(void *user, const struct trace_attempt *begun) {
     struct judging *j = user;
@@ -69,7 +86,30 @@ static bool on_begun(void *user, const struct trace_attempt *begun) {
     }
     j->runs = result == RESULT_OK;
     attempt_init(&j->attempt);
+    if (j->site)
+        take_kept(j, begun);
     return true;
+}
+
+// What is at hand of the steps before this part: what the last one did.
+static bool on_elsewhere(void *user, const struct trace_record *record) {
+    struct judging *j = user;
+    if (j->site)
+        attempt_pass(&j->attempt, record->input.kind, record->input.time_ns,
+                     &record->output.landed);
+    j->last_ns = record->input.time_ns;
+    return true;
+}
+
+static bool on_state(void *user, const struct trace_state *state) {
+    struct judging *j = user;
+    struct kept kept = state_section(state, STATE_ATTEMPT);
+    kept_attempt_keep(&j->kept, &kept);
+    j->last_ns = state->place.time_ns;
+    if (!kept.bad && !kept_left(&kept))
+        return true;
+    j->broken = fail(&j->refused, RESULT_VERSION, "the state with which it begins cannot be read");
+    return false;
 }
 
 static bool on_step(void *user, const struct trace_record *record) {
@@ -99,6 +139,9 @@ enum result judge_trace(struct trace_reader *reader, const struct scene *scene,
                         .result = RESULT_OK};
     struct trace_player player = {.user = &j,
                                   .step = on_step,
+                                  .past = on_elsewhere,
+                                  .taken = on_elsewhere,
+                                  .state = on_state,
                                   .begun = on_begun,
                                   .ended = on_ended,
                                   .progress = taker->progress};
@@ -108,6 +151,8 @@ enum result judge_trace(struct trace_reader *reader, const struct scene *scene,
     if (j.runs)
         tell(&j, NULL);
     site_destroy(&j.site);
+    if (j.broken != RESULT_OK)
+        return fail(err, j.broken, "%s", j.refused.text);
     if (end != RESULT_CLOSED || j.result == RESULT_OK)
         return end;
     if (err)

@@ -8,6 +8,7 @@
 #include "trace/catalogue.h"
 #include "trace/player.h"
 #include "trace/rerun.h"
+#include "trace/state_session.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,6 +35,8 @@ struct replay_stream {
     bool shows_meshes; // from the first step on
     bool landed;       // a job landed at this step: its moment is sent at any rate
     struct metrics metrics;
+    enum result begun; // from the state of a later part
+    struct error refused;
     int progress; // in hundredths
 };
 
@@ -251,8 +254,11 @@ static void show_step(struct replay_stream *f, const struct trace_record *record
     if (f->gap && !f->own_case)
         return;
     run_step(f, record, &output);
-    if (record->type != TRACE_STEP)
+    if (record->type != TRACE_STEP) {
+        metrics_pass(&f->metrics, record->input.kind, &record->output.landed,
+                     record->output.job.kind == JOB_UNDO);
         return;
+    }
     bool landed = output.landed.job && output.landed.outcome != JOB_NOTHING;
     if (landed && (!f->shows_meshes || f->gap))
         say_resection(f, output.landed.tissue, &output.landed.figures);
@@ -289,6 +295,22 @@ static void show_gap(struct replay_stream *f) {
 static bool on_step(void *user, const struct trace_record *record) {
     show_step(user, record);
     return true;
+}
+
+static bool on_state(void *user, const struct trace_state *state) {
+    struct replay_stream *f = user;
+    struct kept kept = state_section(state, STATE_METRICS);
+    enum result result = RESULT_OK;
+    if (!metrics_take_over(&f->metrics, &kept))
+        result = fail(&f->refused, RESULT_VERSION,
+                      "another version of this program kept the state with which it begins");
+    else if (f->rerun && !f->own_case)
+        result = fail(&f->refused, RESULT_REFUSED,
+                      "it begins with a state, which is of its own case alone");
+    else if (f->rerun)
+        result = rerun_take_over(f->rerun, state, &f->refused);
+    f->begun = result;
+    return result == RESULT_OK;
 }
 
 static bool on_gap(void *user, uint64_t missing) {
@@ -338,6 +360,8 @@ static enum result show(struct replay_stream *f, const char *path) {
                                   .record = on_record,
                                   .step = on_step,
                                   .past = on_step,
+                                  .taken = on_step,
+                                  .state = on_state,
                                   .gap = on_gap,
                                   .resume = on_resume,
                                   .remark = on_remark,
@@ -351,6 +375,10 @@ static enum result show(struct replay_stream *f, const char *path) {
         rerun_watch(f->rerun, on_landing, f);
     }
     enum result end = f->gone ? RESULT_OK : trace_play(f->reader, &player, &why);
+    if (f->begun != RESULT_OK) {
+        end = f->begun;
+        why = f->refused;
+    }
     if (!f->gone)
         show_end(f, end, &why);
     for (int i = 0; i < TISSUES_MAX; i++)

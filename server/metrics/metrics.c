@@ -220,3 +220,13 @@ void metrics_interrupt(struct metrics *m) {
         search_step(&one->search, m->time_ns, false, false);
     }
 }
+
+bool metrics_take_over(struct metrics *m, struct kept *k) {
+    struct metrics kept = *m;
+    metrics_keep(&kept, k);
+    if (k->bad || kept_left(k))
+        return false;
+    *m = kept;
+    metrics_interrupt(m);
+    return true;
+}

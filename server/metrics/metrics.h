@@ -72,6 +72,10 @@ void metrics_init(struct metrics *metrics, const struct instruments *tools,
 // Keeps metrics, or reads them into new ones of the same session (base/kept.h).
 void metrics_keep(struct metrics *metrics, struct kept *kept);
 
+// In a later part of a trace, from what the state keeps with which it begins: no motion is bridged.
+// False: what was kept is bad; then they are new.
+bool metrics_take_over(struct metrics *metrics, struct kept *kept);
+
 // Adds the session's next step. INPUT_RESET sets all metrics back.
 void metrics_step(struct metrics *metrics, const struct session_input *input,
                   const struct session_output *output);

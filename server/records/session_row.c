@@ -5,6 +5,7 @@
 #include "metrics/subject.h"
 #include "trace/catalogue.h"
 #include "trace/player.h"
+#include "trace/state_session.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -92,6 +93,7 @@ struct row_reader {
                                     // together
     int64_t resumed_utc_ns;         // without a step since; else 0
     int attempts;
+    bool is_unknown; // what another server measured before
 };
 
 static bool on_step(void *user, const struct trace_record *record) {
@@ -105,6 +107,20 @@ static bool on_step(void *user, const struct trace_record *record) {
     r->last_ns = record->input.time_ns;
     r->session->steps++;
     return true;
+}
+
+static bool on_elsewhere(void *user, const struct trace_record *record) {
+    struct row_reader *r = user;
+    metrics_pass(r->metrics, record->input.kind, &record->output.landed,
+                 record->output.job.kind == JOB_UNDO);
+    return true;
+}
+
+static bool on_state(void *user, const struct trace_state *state) {
+    struct row_reader *r = user;
+    struct kept kept = state_section(state, STATE_METRICS);
+    r->is_unknown = !metrics_take_over(r->metrics, &kept);
+    return !r->is_unknown;
 }
 
 static bool on_resume(void *user, int64_t utc_ns) {
@@ -142,9 +158,12 @@ static enum result read_steps(struct trace_reader *reader, struct metrics *metri
                               struct error *err) {
     struct store_session *s = &score->session;
     int64_t start_ns = trace_reader_header(reader)->start_ns;
-    struct row_reader r = {metrics, s, start_ns, start_ns, s->start_utc_ns, 0, 0};
+    struct row_reader r = {metrics, s, start_ns, start_ns, s->start_utc_ns, 0, 0, false};
     struct trace_player player = {.user = &r,
                                   .step = on_step,
+                                  .past = on_elsewhere,
+                                  .taken = on_elsewhere,
+                                  .state = on_state,
                                   .resume = on_resume,
                                   .gap = on_gap,
                                   .ended = on_ended,
@@ -152,6 +171,10 @@ static enum result read_steps(struct trace_reader *reader, struct metrics *metri
     s->state = STATE_INTERRUPTED;
     if (trace_play(reader, &player, err) == RESULT_IO)
         return RESULT_IO;
+    if (r.is_unknown)
+        return fail(err, RESULT_VERSION,
+                    "%s: another version of this program kept what the server before had measured",
+                    s->trace);
     score->attempts = r.attempts;
     s->end_utc_ns = r.begin_utc_ns + (r.last_ns > r.begin_ns ? r.last_ns - r.begin_ns : 0);
     struct trace_place place = trace_reader_place(reader);
@@ -189,7 +212,7 @@ enum result session_score_trace(const char *trace, const char *authority, scene_
     struct metrics *metrics = alloc(1, sizeof *metrics);
     metrics_init(metrics, &header->settings.instruments, header->optic);
     session_row_begin(header, trace, &out->session);
-    int64_t closed_utc_ns;
+    int64_t closed_utc_ns = 0;
     result = read_steps(reader, metrics, out, &closed_utc_ns, err);
     if (result == RESULT_OK && is_signed(reader, authority, closed_utc_ns, &out->session))
         metrics_each(metrics, builder.knee, take_value, &builder);

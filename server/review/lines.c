@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "trace/player.h"
+#include "trace/state_session.h"
 
 #include <math.h>
 
@@ -135,6 +136,21 @@ static bool on_step(void *user, const struct trace_record *record) {
     return true;
 }
 
+static bool on_elsewhere(void *user, const struct trace_record *record) {
+    struct lines_reader *r = user;
+    metrics_pass(r->metrics, record->input.kind, &record->output.landed,
+                 record->output.job.kind == JOB_UNDO);
+    return true;
+}
+
+// Of a state that cannot be read, nothing is told.
+static bool on_state(void *user, const struct trace_state *state) {
+    struct lines_reader *r = user;
+    struct kept kept = state_section(state, STATE_METRICS);
+    metrics_take_over(r->metrics, &kept);
+    return true;
+}
+
 // The server was killed: what was between is not known.
 static bool on_resume(void *user, int64_t utc_ns) {
     struct lines_reader *r = user;
@@ -155,8 +171,13 @@ enum result report_lines_read(struct trace_reader *reader, const struct survey *
                              .metrics = metrics,
                              .first_ns = survey->first_ns,
                              .all_s = fmax(survey_seconds(survey), 1e-9)};
-    struct trace_player player = {
-        .user = &r, .step = on_step, .resume = on_resume, .progress = progress};
+    struct trace_player player = {.user = &r,
+                                  .step = on_step,
+                                  .past = on_elsewhere,
+                                  .taken = on_elsewhere,
+                                  .state = on_state,
+                                  .resume = on_resume,
+                                  .progress = progress};
     lines_init(lines);
     if (trace_play(reader, &player, err) == RESULT_IO)
         return RESULT_IO;

@@ -1,7 +1,9 @@
 #include "review/survey.h"
 
 #include "base/clock.h"
+#include "metrics/metrics.h"
 #include "trace/player.h"
+#include "trace/state_session.h"
 
 #include <string.h>
 
@@ -79,6 +81,27 @@ static bool on_past(void *user, const struct trace_record *record) {
     return true;
 }
 
+static bool on_taken(void *user, const struct trace_record *record) {
+    struct survey *s = user;
+    const struct landed *landed = &record->output.landed;
+    count_touch(record->touch, s);
+    if (landed->job)
+        s->tissues[landed->tissue] = landed->figures;
+    s->taken++;
+    return true;
+}
+
+static bool on_state(void *user, const struct trace_state *state) {
+    struct survey *s = user;
+    struct metrics metrics;
+    struct kept kept = state_section(state, STATE_METRICS);
+    metrics_init(&metrics, instruments_usual(), view_optic_usual());
+    if (metrics_take_over(&metrics, &kept))
+        memcpy(s->tissues, metrics.tissues, sizeof s->tissues);
+    s->state_step = state->place.step;
+    return true;
+}
+
 static bool on_gap(void *user, uint64_t missing) {
     struct survey *s = user;
     s->gaps++;
@@ -137,6 +160,8 @@ void survey_read(struct trace_reader *reader, survey_progress progress, struct s
     struct trace_player player = {.user = s,
                                   .step = on_step,
                                   .past = on_past,
+                                  .taken = on_taken,
+                                  .state = on_state,
                                   .gap = on_gap,
                                   .resume = on_resume,
                                   .fault = on_fault,

@@ -9,6 +9,8 @@
 struct survey {
     uint64_t steps, gaps, missing; // step records, gap records, the steps those stand for
     uint64_t past, resumes;        // inputs alone; times that its server was started again
+    uint64_t taken;                // jobs of the server before, and
+    uint64_t state_step;           // the step of its state, from which a later part begins; else 0
     uint64_t faults;               // times that the disk failed
     uint64_t frames;               // steps whose input was a frame
     uint64_t lost_samples;         // samples that a station sent as lost

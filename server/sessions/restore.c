@@ -187,7 +187,7 @@ static enum result take_over(struct resume_run *r, const struct trace_state *sta
     if (!state->is_own)
         log_warning("sessions", "%s: it begins with a state that another program or machine kept",
                     r->path);
-    r->rerun = rerun_take_over_read(kept.session, kept.operation, &kept.asked);
+    r->rerun = rerun_go_on_elsewhere(kept.session, kept.operation, &kept.asked);
     take_kept(a, &kept, state->place.step);
     metrics_interrupt(&a->metrics);
     return RESULT_OK;

@@ -45,6 +45,9 @@ struct newest_trace {
 // Of those of one second, what was written to last.
 static bool is_newer(const struct trace_entry *entry, const struct newest_trace *search) {
     int order = search->path[0] ? strcmp(entry->stamp, search->newest.stamp) : 1;
+    bool is_same = !order && !strcmp(entry->id_start, search->newest.id_start);
+    if (is_same) // the session's last part
+        return entry->part > search->newest.part;
     return order ? order > 0 : entry->written_utc_ns > search->newest.written_utc_ns;
 }
 

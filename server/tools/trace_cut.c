@@ -45,6 +45,9 @@ static enum result last_hash(const char *file, uint8_t out_hash[TRACE_HASH_SIZE]
     if (trace_reader_header(reader)->version < 3)
         result = fail(err, RESULT_VERSION, "%s: of version %u nothing can be cut", file,
                       trace_reader_header(reader)->version);
+    if (result == RESULT_OK && trace_reader_header(reader)->part > 1)
+        result = fail(err, RESULT_REFUSED, "%s: of part %u of a session nothing can be cut", file,
+                      trace_reader_header(reader)->part);
     struct error why;
     if (result == RESULT_OK && trace_play(reader, &player, &why) == RESULT_IO)
         result = fail(err, RESULT_IO, "%s", why.text);

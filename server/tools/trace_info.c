@@ -214,6 +214,11 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     hex_text(h->parent_id, sizeof h->parent_id, parent);
     json_object_set_new(root, "parent_session", is_made ? json_string(parent) : json_null());
     json_object_set_new(root, "optic", optic_object(&h->optic));
+    json_object_set_new(root, "part", json_integer(h->part));
+    json_object_set_new(root, "server", text_or_null(h->server));
+    json_object_set_new(root, "token", json_integer((json_int_t)h->token));
+    json_object_set_new(root, "taken", json_integer((json_int_t)s->taken));
+    json_object_set_new(root, "state_step", json_integer((json_int_t)s->state_step));
     json_object_set_new(root, "past", json_integer((json_int_t)s->past));
     json_object_set_new(root, "resumes", json_integer((json_int_t)s->resumes));
     json_object_set_new(root, "remarks", remarks_array(s));
@@ -291,6 +296,8 @@ static void print_origin(const struct trace_header *h) {
            field_name(h->settings.field.kind), h->settings.field.strength,
            adaptive_name(h->settings.adaptive), avatar_mode_name(h->settings.avatar));
     printf("optic       %g degrees, field %g degrees\n", h->optic.tilt_deg, h->optic.field_deg);
+    if (h->server[0])
+        printf("server      %s, by token %" PRIu64 "\n", h->server, h->token);
     printf("recorded by build %s, %s, %s\n", h->build, h->libc, h->cpu);
 }
 
@@ -304,6 +311,10 @@ static void print_course(const struct trace_header *h, const struct survey *s) {
         printf("copied      from session %s; %" PRIu64 " inputs of it before\n", id, s->past);
     if (trace_header_is_piece(h))
         printf("piece       of another trace; %" PRIu64 " inputs before it\n", s->past);
+    if (h->part > 1)
+        printf("part        %u of the session: it begins with the state behind step %" PRIu64
+               ", %" PRIu64 " jobs and %" PRIu64 " commands\n",
+               h->part, s->state_step, s->taken, s->past);
     if (s->faults)
         printf("disk        failed %" PRIu64 " times; the bytes in doubt were written again\n",
                s->faults);

@@ -104,6 +104,8 @@ static enum result draw(const struct scene *scene, const struct operation *opera
 struct picture_run {
     struct rerun *rerun;
     int64_t to_ns;
+    enum result result;
+    struct error *err;
 };
 
 static bool on_step(void *user, const struct trace_record *record) {
@@ -115,6 +117,12 @@ static bool on_step(void *user, const struct trace_record *record) {
     return true;
 }
 
+static bool on_state(void *user, const struct trace_state *state) {
+    struct picture_run *r = user;
+    r->result = rerun_take_over(r->rerun, state, r->err);
+    return r->result == RESULT_OK;
+}
+
 static bool on_gap(void *user, uint64_t missing) {
     (void)user, (void)missing;
     return false;
@@ -124,10 +132,16 @@ static bool on_gap(void *user, uint64_t missing) {
 static enum result run_to(struct rerun *rerun, struct trace_reader *reader, double at_s,
                           struct error *err) {
     double to_ns = (double)trace_reader_header(reader)->start_ns + at_s * NS_PER_S;
-    struct picture_run r = {rerun, to_ns < (double)INT64_MAX ? (int64_t)to_ns : INT64_MAX};
-    struct trace_player player = {
-        .user = &r, .step = on_step, .past = on_step, .gap = on_gap, .progress = show_progress};
-    return trace_play(reader, &player, err) == RESULT_IO ? RESULT_IO : RESULT_OK;
+    struct picture_run r = {rerun, to_ns < (double)INT64_MAX ? (int64_t)to_ns : INT64_MAX,
+                            RESULT_OK, err};
+    struct trace_player player = {.user = &r,
+                                  .step = on_step,
+                                  .past = on_step,
+                                  .taken = on_step,
+                                  .state = on_state,
+                                  .gap = on_gap,
+                                  .progress = show_progress};
+    return trace_play(reader, &player, err) == RESULT_IO ? RESULT_IO : r.result;
 }
 
 static enum result picture(const struct picture_request *request, struct error *err) {

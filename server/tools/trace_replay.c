@@ -93,6 +93,9 @@ static void print_json(const struct replay_report *r, double real_time) {
                                json_pack("{s:I, s:I}", "first_step",
                                          (json_int_t)r->touches.first_step, "first_job",
                                          (json_int_t)r->touches.first_job));
+    json_object_set_new(root, "taken",
+                        json_pack("{s:I, s:I}", "compared", (json_int_t)r->taken, "different",
+                                  (json_int_t)r->taken_otherwise));
     json_object_set_new(root, "rules", json_integer(r->rules));
     json_object_set_new(root, "reason", json_string(reason(r)));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
@@ -111,6 +114,16 @@ static void print_touches(const struct rerun_touches *touches) {
         printf("touched surface: the same after each of %" PRIu64 " jobs\n", touches->landed);
 }
 
+static void print_taken(const struct replay_report *r) {
+    if (r->taken_otherwise)
+        printf("%" PRIu64 " of %" PRIu64
+               " jobs of the server before land otherwise here, the first of them is job %" PRIu64
+               "\n",
+               r->taken_otherwise, r->taken, r->first_otherwise);
+    else if (r->taken)
+        printf("%" PRIu64 " jobs of the server before land as they did there\n", r->taken);
+}
+
 static void print_text(const struct replay_report *r, double real_time) {
     printf("%s: %" PRIu64 " of %" PRIu64 " steps differ\n", replay_verdict_name(r->verdict),
            r->different, r->steps);
@@ -123,6 +136,7 @@ static void print_text(const struct replay_report *r, double real_time) {
     else if (r->touches.different)
         printf("reason: %s\n", reason(r));
     print_touches(&r->touches);
+    print_taken(r);
     printf("rules %d; build %s, libc %s, CPU %s\n", r->rules,
            r->same_build ? "the same" : "another", r->same_libc ? "the same" : "another",
            r->same_cpu ? "the same" : "another");

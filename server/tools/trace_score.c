@@ -1,6 +1,7 @@
 #include "metrics/subject.h"
 #include "review/page.h"
 #include "trace/player.h"
+#include "trace/state_session.h"
 #include "trace_commands.h"
 
 #include <inttypes.h>
@@ -42,6 +43,7 @@ struct score {
     const struct knee_case *knee; // NULL: groups have no names,
     struct error unnamed;         // and why
     uint64_t missing;
+    bool is_known; // what was before this part
     enum result end;
     struct error why;
 };
@@ -52,6 +54,21 @@ static bool on_step(void *user, const struct trace_record *record) {
     struct score *s = user;
     metrics_step(&s->metrics, &record->input, &record->output);
     return true;
+}
+
+// Of the server before: jobs and commands, and the metrics before those.
+static bool on_elsewhere(void *user, const struct trace_record *record) {
+    struct score *s = user;
+    metrics_pass(&s->metrics, record->input.kind, &record->output.landed,
+                 record->output.job.kind == JOB_UNDO);
+    return true;
+}
+
+static bool on_state(void *user, const struct trace_state *state) {
+    struct score *s = user;
+    struct kept kept = state_section(state, STATE_METRICS);
+    s->is_known = metrics_take_over(&s->metrics, &kept);
+    return s->is_known;
 }
 
 static bool on_resume(void *user, int64_t utc_ns) {
@@ -68,9 +85,19 @@ static bool on_gap(void *user, uint64_t missing) {
 }
 
 static void read_steps(struct trace_reader *reader, struct score *s) {
-    struct trace_player player = {
-        .user = s, .step = on_step, .resume = on_resume, .gap = on_gap, .progress = show_progress};
+    struct trace_player player = {.user = s,
+                                  .step = on_step,
+                                  .past = on_elsewhere,
+                                  .taken = on_elsewhere,
+                                  .state = on_state,
+                                  .resume = on_resume,
+                                  .gap = on_gap,
+                                  .progress = show_progress};
+    s->is_known = true;
     s->end = trace_play(reader, &player, &s->why);
+    if (!s->is_known)
+        s->end = fail(&s->why, RESULT_VERSION,
+                      "another version of this program kept what the server before had measured");
 }
 
 // ---- JSON ---------------------------------------------------------------------------------------

@@ -1,19 +1,24 @@
 #include "review/survey.h"
+#include "trace/part_chain.h"
 #include "trace/player.h"
 #include "trace_commands.h"
 
 #include <inttypes.h>
 #include <jansson.h>
 #include <stdio.h>
+#include <string.h>
 
 static const char help[] =
-    "Usage: arthron-trace verify FILE [--authority PEM] [--json]\n"
+    "Usage: arthron-trace verify FILE ... [--authority PEM] [--json]\n"
     "\n"
     "Reads every record. Reports whether the file is whole, which records were changed, and which\n"
     "server signed it. Compares each recorded touched surface with its hash. A session that still "
     "runs, or whose server was killed, has no end record "
     "and\n"
     "no signature. All records before that can be used.\n"
+    "\n"
+    "Several files must be the parts of one session, in any order: each whole or still open, and\n"
+    "each later one begun with a state of the one before.\n"
     "\n"
     "  --authority PEM   the certificate of the trusted authority: authority.pem in a server's\n"
     "                    folder of keys. A missing or other signature is then a fault\n"
@@ -87,7 +92,7 @@ static json_t *damages_array(const struct soundness *v) {
     return array;
 }
 
-static void print_json(const struct soundness *v) {
+static json_t *soundness_object(const struct soundness *v) {
     const struct survey *s = &v->survey;
     json_t *root = json_pack(
         "{s:b, s:s, s:I, s:I, s:I, s:I, s:I}", "whole", s->end == RESULT_CLOSED, "end",
@@ -101,6 +106,10 @@ static void print_json(const struct soundness *v) {
     json_object_update_new(root, more);
     json_object_set_new(root, "disk_faults", json_integer((json_int_t)s->faults));
     json_object_set_new(root, "touches", json_integer((json_int_t)s->touches));
+    return root;
+}
+
+static void print_json(json_t *root) {
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
@@ -143,21 +152,86 @@ static bool is_good(const struct soundness *v, bool asked) {
     return v->survey.end == RESULT_CLOSED && v->survey.missing == 0 && believed;
 }
 
-static int verify(const char *file, const char *authority, bool json) {
+static enum result look_at(const char *file, const char *authority, struct trace_header *header,
+                           struct soundness *v, struct error *err) {
     struct trace_reader *reader;
-    struct error err;
-    static struct soundness v;
-    if (trace_reader_create(file, &reader, &err) != RESULT_OK)
-        return failed("verify", &err);
-    survey_read(reader, show_progress, &v.survey);
-    read_behind(reader, &v);
-    ask_seal(reader, authority, &v);
+    enum result result = trace_reader_create(file, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    memset(v, 0, sizeof *v);
+    *header = *trace_reader_header(reader);
+    survey_read(reader, show_progress, &v->survey);
+    read_behind(reader, v);
+    ask_seal(reader, authority, v);
     trace_reader_destroy(&reader);
+    return RESULT_OK;
+}
+
+static int verify(const char *file, const char *authority, bool json) {
+    static struct soundness v;
+    struct trace_header header;
+    struct error err;
+    if (look_at(file, authority, &header, &v, &err) != RESULT_OK)
+        return failed("verify", &err);
     if (json)
-        print_json(&v);
+        print_json(soundness_object(&v));
     else
         print_text(&v, authority);
     return is_good(&v, authority) ? EXIT_GOOD : EXIT_FAULT;
+}
+
+// ---- several parts ------------------------------------------------------------------------------
+
+// A server that was killed leaves its part open, and the next one may still write its own.
+static bool is_good_part(const struct soundness *v, bool asked) {
+    return is_good(v, asked) || (v->survey.end == RESULT_MISSING && !v->survey.missing && !asked);
+}
+
+static json_t *part_object(const char *file, const struct trace_header *header,
+                           const struct soundness *v) {
+    json_t *object = soundness_object(v);
+    json_object_set_new(object, "file", json_string(file));
+    json_object_set_new(object, "part", json_integer(header->part));
+    json_object_set_new(object, "server", json_string(header->server));
+    json_object_set_new(object, "token", json_integer((json_int_t)header->token));
+    return object;
+}
+
+// The signature of the last part is also of what the others have up to the states of later ones.
+static bool needs_seal(const struct trace_header *header, int count, const char *authority) {
+    return authority && header->part == count;
+}
+
+static int verify_parts(char **files, int count, const char *authority, bool json) {
+    static struct soundness v;
+    struct trace_header header;
+    struct error err = {""};
+    json_t *all = json_array();
+    bool good = true;
+    for (int i = 0; i < count; i++) {
+        if (look_at(files[i], authority, &header, &v, &err) != RESULT_OK) {
+            json_decref(all);
+            return failed("verify", &err);
+        }
+        if (!json) {
+            printf("%s%s, part %u:\n", i ? "\n" : "", files[i], header.part);
+            print_text(&v, authority);
+        }
+        json_array_append_new(all, part_object(files[i], &header, &v));
+        good =
+            good && v.seal != SEAL_BAD && is_good_part(&v, needs_seal(&header, count, authority));
+    }
+    enum result result = trace_parts_check((const char *const *)files, count, &err);
+    if (json)
+        print_json(json_pack("{s:o, s:b, s:s}", "parts", all, "one_session", result == RESULT_OK,
+                             "why", result == RESULT_OK ? "" : err.text));
+    else
+        json_decref(all);
+    if (!json && result == RESULT_OK)
+        printf("\none session, parts 1 to %d\n", count);
+    else if (!json)
+        printf("\nnot one session: %s\n", err.text);
+    return good && result == RESULT_OK ? EXIT_GOOD : EXIT_FAULT;
 }
 
 int command_verify(int argc, char **argv) {
@@ -177,6 +251,8 @@ int command_verify(int argc, char **argv) {
         else
             return usage_error(argv[0], "unknown option");
     }
+    if (argc - optind > 1)
+        return verify_parts(argv + optind, argc - optind, authority, json);
     if (take_file(argc, argv, &file) != EXIT_GOOD)
         return EXIT_USAGE;
     return verify(file, authority, json);

@@ -6,13 +6,15 @@
 #include <errno.h>
 #include <limits.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
 #define DIGITS "0123456789abcdef"
-#define END_OF_NAME "-" TRACE_STAMP "-01234567.trace"
+#define ENDING ".trace"
+#define END_OF_NAME "-" TRACE_STAMP "-01234567" ENDING
 
 void trace_id_text(const uint8_t id[16], char out_text[TRACE_ID_TEXT_SIZE]) {
     for (int i = 0; i < 16; i++)
@@ -30,17 +32,40 @@ void trace_name(const struct trace_header *header, char out_name[TRACE_NAME_MAX]
     gmtime_r(&seconds, &utc);
     strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ", &utc);
     trace_id_text(header->session_id, id);
-    snprintf(out_name, TRACE_NAME_MAX, "%s-%s-%.8s.trace", header->station, stamp, id);
+    char part[16] = "";
+    if (header->part > 1)
+        snprintf(part, sizeof part, "-p%u", header->part);
+    snprintf(out_name, TRACE_NAME_MAX, "%s-%s-%.8s%s.trace", header->station, stamp, id, part);
 }
 
 // ---- the folder ---------------------------------------------------------------------------------
 
+// The number behind -p at the end of a name without its ending, of which *in_out_length then is
+// shorter; 1 where there is none.
+static int take_part(const char *name, size_t *in_out_length) {
+    size_t digits = 0, length = *in_out_length - strlen(ENDING);
+    while (digits < 5 && digits < length && strchr("0123456789", name[length - digits - 1]))
+        digits++;
+    size_t begin = length - digits;
+    int part = digits && begin > 2 ? atoi(name + begin) : 0;
+    if (part < 2 || part > TRACE_PARTS_MAX || name[begin] == '0' || name[begin - 1] != 'p' ||
+        name[begin - 2] != '-')
+        return 1;
+    *in_out_length -= digits + 2;
+    return part;
+}
+
 // False where it is no name of a trace.
-static bool take_name(const char *name, struct trace_entry *out) {
-    size_t length = strlen(name), end = sizeof END_OF_NAME - 1;
+static bool take_name(const char *whole, struct trace_entry *out) {
+    char name[TRACE_NAME_MAX];
+    size_t length = strlen(whole), end = sizeof END_OF_NAME - 1;
+    if (length <= end || length >= sizeof name ||
+        strcmp(whole + length - strlen(ENDING), ENDING) != 0)
+        return false;
+    out->part = take_part(whole, &length);
+    snprintf(name, sizeof name, "%.*s" ENDING, (int)(length - strlen(ENDING)), whole);
     const char *rest = length > end ? name + length - end : "";
-    if (rest[0] != '-' || length - end >= sizeof out->station || rest[sizeof TRACE_STAMP] != '-' ||
-        strcmp(rest + end - strlen(".trace"), ".trace") != 0)
+    if (rest[0] != '-' || length - end >= sizeof out->station || rest[sizeof TRACE_STAMP] != '-')
         return false;
     snprintf(out->station, sizeof out->station, "%.*s", (int)(length - end), name);
     snprintf(out->stamp, sizeof out->stamp, "%.*s", (int)sizeof TRACE_STAMP - 1, rest + 1);
@@ -98,26 +123,26 @@ struct trace_search {
     const char *id;
     char *path;
     size_t path_size;
-    bool found;
+    int part; // of what was found; 0: nothing
 };
 
 static bool find(void *user, const struct trace_entry *entry) {
     struct trace_search *f = user;
-    if (strncmp(entry->id_start, f->id, strlen(entry->id_start)) != 0 ||
+    if (strncmp(entry->id_start, f->id, strlen(entry->id_start)) != 0 || entry->part <= f->part ||
         strlen(entry->path) >= f->path_size || !catalogue_is_of(entry->path, f->id))
         return true;
     snprintf(f->path, f->path_size, "%s", entry->path);
-    f->found = true;
-    return false;
+    f->part = entry->part;
+    return true;
 }
 
 enum result catalogue_find(const char *folder, const char *id, char *out_path, size_t path_size,
                            struct error *err) {
-    struct trace_search f = {id, out_path, path_size, false};
+    struct trace_search f = {id, out_path, path_size, 0};
     if (!trace_is_id(id))
         return fail(err, RESULT_INVALID, "%s is no session's id", id);
     enum result result = catalogue_each(folder, find, &f, err);
-    if (result == RESULT_OK && !f.found)
+    if (result == RESULT_OK && !f.part)
         return fail(err, RESULT_MISSING, "%s: no trace of a session %s", folder, id);
     return result;
 }

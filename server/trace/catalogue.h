@@ -1,6 +1,6 @@
 // The traces of a folder, by the names that the server gives them:
 // STATION-20260102T030405Z-01234567.trace, with the start in UTC and the first digits of the
-// session's id.
+// session's id; a later part of the session ends with -p2.trace, -p3.trace, ...
 #pragma once
 
 #include "trace/trace.h"
@@ -19,6 +19,7 @@ struct trace_entry {
     char station[64];
     char stamp[sizeof TRACE_STAMP]; // these sort as times do
     char id_start[9];
+    int part;
     int64_t written_utc_ns; // time of the last write; INT64_MAX: it cannot be read
 };
 
@@ -28,8 +29,9 @@ enum result catalogue_each(const char *folder,
                            bool (*entry)(void *user, const struct trace_entry *entry), void *user,
                            struct error *err);
 
-// Finds the trace of a session: its header has the id, or its header cannot be read and its name
-// has the id's start. RESULT_INVALID: `id` is no id. RESULT_MISSING: there is no such trace.
+// Finds the trace of a session, of its parts the last one that is there: its header has the id, or
+// its header cannot be read and its name has the id's start. RESULT_INVALID: `id` is no id.
+// RESULT_MISSING: there is no such trace.
 enum result catalogue_find(const char *folder, const char *id, char *out_path, size_t path_size,
                            struct error *err);
 

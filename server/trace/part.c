@@ -151,5 +151,6 @@ enum result trace_record_unpack(const uint8_t *bytes, size_t size, int rules, si
     if (result == RESULT_OK && type == TRACE_PAST && !input_is_command(out->input.kind))
         return fail(err, RESULT_FORMAT, "a past input is no command");
     *at += result == RESULT_OK ? rest : 0;
+    out->is_packed = true;
     return result;
 }

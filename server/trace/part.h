@@ -32,7 +32,8 @@ enum result trace_part_create(const char *path, const struct trace_header *heade
 // ---- the journal --------------------------------------------------------------------------------
 
 // Makes of what a trace tells by its tap the records of a journal. Zero at the beginning of a
-// trace, and kept along with it.
+// session. Where a trace is gone on with, it begins with the job that its session waits for (of a
+// restored one: sessions/restore.h).
 struct trace_journal {
     struct job asked; // the last one that a step asked for; id 0: none
 };

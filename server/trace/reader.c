@@ -541,7 +541,8 @@ static bool has_lost_page(struct trace_reader *r) {
 }
 
 bool trace_ends_torn(struct trace_reader *r) {
-    return r->foreign && !r->damaged && r->size - r->place.offset <= BUFFER_SIZE &&
+    bool has_begun = !is_later_part(r) || r->beginning.is_read;
+    return r->foreign && !r->damaged && has_begun && r->size - r->place.offset <= BUFFER_SIZE &&
            has_lost_page(r) && trace_is_open(r->path);
 }
 

@@ -11,6 +11,7 @@ struct replay {
     int field_count;
     struct replay_report *report;
     const struct replay_span *span;
+    enum result result;         // of taking over a state
     uint64_t steps;             // run
     bool gap;                   // steps after it are not run
     int64_t start_ns, first_ns; // as the header says; of the first step
@@ -98,6 +99,27 @@ static bool on_past(void *user, const struct trace_record *record) {
     return true;
 }
 
+static bool on_state(void *user, const struct trace_state *state) {
+    struct replay *replay = user;
+    struct replay_report *report = replay->report;
+    replay->result = rerun_take_over(replay->rerun, state, &report->why);
+    return replay->result == RESULT_OK;
+}
+
+// It is no step of this trace, but those that follow depend on it.
+static bool on_taken(void *user, const struct trace_record *record) {
+    struct replay *replay = user;
+    struct replay_report *report = replay->report;
+    struct session_output output;
+    rerun_step(replay->rerun, record, &output);
+    report->taken++;
+    if (rerun_lands_as_recorded(record, &output))
+        return true;
+    if (report->taken_otherwise++ == 0)
+        report->first_otherwise = record->output.job.id;
+    return true;
+}
+
 static bool on_gap(void *user, uint64_t missing) {
     struct replay *replay = user;
     replay->gap = true;
@@ -107,19 +129,25 @@ static bool on_gap(void *user, uint64_t missing) {
 
 static void run_steps(struct replay *replay, struct trace_reader *reader,
                       void (*progress)(uint64_t done, uint64_t all)) {
-    struct trace_player player = {
-        .user = replay, .step = on_step, .past = on_past, .gap = on_gap, .progress = progress};
+    struct trace_player player = {.user = replay,
+                                  .step = on_step,
+                                  .past = on_past,
+                                  .taken = on_taken,
+                                  .state = on_state,
+                                  .gap = on_gap,
+                                  .progress = progress};
     struct replay_report *report = replay->report;
     report->end = trace_play(reader, &player, &report->why);
     if (report->end == RESULT_OK)
-        report->end = RESULT_CLOSED;
+        report->end = replay->result == RESULT_OK ? RESULT_CLOSED : replay->result;
 }
 
 static enum replay_verdict judge(const struct replay_report *report) {
     bool same_machine = report->same_build && report->same_libc && report->same_cpu;
-    if (report->different == 0 && (!report->touches.different || !same_machine))
+    bool as_taken = !report->taken_otherwise;
+    if (report->different == 0 && as_taken && (!report->touches.different || !same_machine))
         return REPLAY_IDENTICAL;
-    bool close = report->same_events && report->largest_mm <= REPLAY_TOLERANCE_MM;
+    bool close = as_taken && report->same_events && report->largest_mm <= REPLAY_TOLERANCE_MM;
     return !same_machine && close ? REPLAY_EQUIVALENT : REPLAY_DIFFERENT;
 }
 

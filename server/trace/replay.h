@@ -35,9 +35,11 @@ struct replay_report {
     int rules;          // of the trace's steps; the replay uses the same
     const char *digits; // what gives other last digits all the same (settings_digits); NULL: none
     int64_t session_ns; // between the first and the last step
-    uint64_t left_out;  // steps after the first gap, whose state cannot be known
-    enum result end;    // the last result of trace_read: RESULT_CLOSED for a whole file
-    struct error why;   // if the file is not whole
+    uint64_t taken, taken_otherwise; // jobs of the server before; that land otherwise here
+    uint64_t first_otherwise;        // the first such job
+    uint64_t left_out;               // steps after the first gap, whose state cannot be known
+    enum result end;  // the last result of trace_read: RESULT_CLOSED for a whole file
+    struct error why; // if the file is not whole
     enum replay_verdict verdict;
 };
 

@@ -11,6 +11,8 @@
 #define LAND_AFTER_NS (NS_PER_S / 2)
 
 struct rerun {
+    const struct scene *scene; // of a session from its beginning
+    struct session_settings settings;
     struct session *session;
     struct operation *operation;
     struct job_result *pending; // of the last job that the session asked for, until it lands
@@ -23,6 +25,8 @@ struct rerun {
 
 struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings) {
     struct rerun *rerun = alloc(1, sizeof *rerun);
+    rerun->scene = scene;
+    rerun->settings = *settings;
     rerun->session = session_create(scene, settings);
     rerun->operation = operation_create(scene, settings->rules, &settings->instruments);
     return rerun;
@@ -44,23 +48,29 @@ struct rerun *rerun_go_on(struct session *session, struct operation *operation,
     return rerun;
 }
 
-struct rerun *rerun_take_over_read(struct session *session, struct operation *operation,
-                                   const struct job *asked) {
+struct rerun *rerun_go_on_elsewhere(struct session *session, struct operation *operation,
+                                    const struct job *asked) {
     session_take_over(session);
     return rerun_go_on(session, operation, asked);
 }
 
-enum result rerun_take_over(const struct scene *scene, const struct session_settings *settings,
-                            const struct trace_state *state, struct rerun **out_rerun,
+enum result rerun_take_over(struct rerun *rerun, const struct trace_state *state,
                             struct error *err) {
     struct session *session;
     struct operation *operation;
     struct job asked;
-    enum result result =
-        state_session_read(state, scene, settings, &session, &operation, &asked, err);
-    if (result == RESULT_OK)
-        *out_rerun = rerun_take_over_read(session, operation, &asked);
-    return result;
+    enum result result = state_session_read(state, rerun->scene, &rerun->settings, &session,
+                                            &operation, &asked, err);
+    if (result != RESULT_OK)
+        return result;
+    session_destroy(&rerun->session);
+    operation_destroy(&rerun->operation);
+    session_take_over(session);
+    rerun->session = session;
+    rerun->operation = operation;
+    if (asked.id)
+        run_job(rerun, &asked);
+    return RESULT_OK;
 }
 
 void rerun_destroy(struct rerun **rerun) {

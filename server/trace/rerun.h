@@ -13,14 +13,16 @@ struct rerun *rerun_create(const struct scene *scene, const struct session_setti
 // 0: none), which it runs. They are the rerun's.
 struct rerun *rerun_go_on(struct session *session, struct operation *operation,
                           const struct job *asked);
-// From the state with which a later part of a trace begins, and with what stands behind it there.
-// The same for a caller that has read session and operation. Results as of state_session_read.
-enum result rerun_take_over(const struct scene *scene, const struct session_settings *settings,
-                            const struct trace_state *state, struct rerun **out_rerun,
-                            struct error *err);
-struct rerun *rerun_take_over_read(struct session *session, struct operation *operation,
-                                   const struct job *asked);
+// The same from the state with which a later part of a trace begins, and which lacks the poses
+// behind it.
+struct rerun *rerun_go_on_elsewhere(struct session *session, struct operation *operation,
+                                    const struct job *asked);
 void rerun_destroy(struct rerun **rerun); // NULL inside is fine
+
+// Before the first step: the state with which a later part begins takes the place of a new session.
+// Results as of state_session_read.
+enum result rerun_take_over(struct rerun *rerun, const struct trace_state *state,
+                            struct error *err);
 
 // Calls `landed` for each result: after the step at which it lands, before the next job is run.
 void rerun_watch(struct rerun *rerun, void (*landed)(void *user, const struct job_result *result),

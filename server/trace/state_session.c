@@ -16,6 +16,7 @@ void state_section_end(struct kept *k, size_t begin) {
 
 struct kept state_section(const struct trace_state *state, enum state_section section) {
     struct kept all = kept_from(state->content, state->size);
+    all.bad = state->format != KEPT_FORMAT;
     for (int i = 0; !all.bad; i++) {
         uint64_t size;
         kept_u64(&all, &size);

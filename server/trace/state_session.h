@@ -18,7 +18,7 @@ enum state_section {
 size_t state_section_begin(struct kept *kept);
 void state_section_end(struct kept *kept, size_t begin);
 
-// To read a section; bad where the content has none.
+// To read a section; bad where the content has none, or is of another KEPT_FORMAT.
 struct kept state_section(const struct trace_state *state, enum state_section section);
 
 // The session and its operation; asked: the job of its last step, which did not run yet. The

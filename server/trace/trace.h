@@ -21,7 +21,7 @@
 #define TRACE_FIRST_WITH_ATTEMPTS 6
 #define TRACE_FIRST_WITH_PARTS 7 // the first with TRACE_STATE and TRACE_TAKEN
 
-#define TRACE_PARTS_MAX UINT16_MAX
+#define TRACE_PARTS_MAX 65535
 
 #define TRACE_HASH_SIZE 32
 #define TRACE_CERTIFICATE_MAX 4096
@@ -171,8 +171,8 @@ void trace_place_behind(const struct trace_writer *writer, uint64_t position,
 bool trace_is_written(const char *path);
 
 // Appends a record that was read from another trace: a step, a past input or a taken job with its
-// touch, a part of a touch whose job follows without, a gap, a remark, a marker, the begin or the
-// end of an attempt. Others are passed over. It waits for the disk, so a worker must not call it.
+// touch, a part of a touch from a journal, a gap, a remark, a marker, the begin or the end of an
+// attempt. Others are passed over. It waits for the disk, so a worker must not call it.
 // RESULT_IO: the disk is full or has failed.
 enum result trace_append_record(struct trace_writer *writer, const struct trace_record *record,
                                 struct error *err);
@@ -251,6 +251,7 @@ struct trace_record {
     const struct touch_change *touch;
     int touch_tissue;
     struct trace_touch_part touch_part; // TRACE_TOUCH
+    bool is_packed; // it came as bytes of a journal (trace/part.h): a touch in its parts alone
     struct trace_attempt begun; // TRACE_BEGUN; its text: valid until the next record is read
     struct trace_outcome ended; // TRACE_ENDED
     struct trace_state_part state_part; // TRACE_STATE

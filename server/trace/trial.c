@@ -98,6 +98,10 @@ enum result trace_trial(struct trace_reader *reader, const struct scene *scene,
                         struct trial_report *out_report, struct error *err) {
     if (trace_reader_header(reader)->version < 3)
         return fail(err, RESULT_VERSION, "a trace of version 2 has no figures to compare with");
+    if (trace_reader_header(reader)->part > 1)
+        return fail(err, RESULT_REFUSED,
+                    "a later part of a session begins with its state, which knows no other "
+                    "settings and no other case");
     memset(out_report, 0, sizeof *out_report);
     out_report->tissue_count = scene_tissue_count(scene);
     struct trial trial = {.report = out_report, .rerun = rerun_create(scene, settings)};

@@ -229,7 +229,7 @@ enum result trace_append_record(struct trace_writer *w, const struct trace_recor
         CHECK(append(w, &record->input, record->job_done, &source, &record->output));
     if (record->type == TRACE_PAST || record->type == TRACE_TAKEN)
         append_input(w, record, &source);
-    if (record->type == TRACE_TOUCH)
+    if (record->type == TRACE_TOUCH && record->is_packed)
         append_touch_part(w, &record->touch_part);
     if (record->type == TRACE_REMARK)
         CHECK(trace_append_remark(w, &record->remark));

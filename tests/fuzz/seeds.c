@@ -1,10 +1,12 @@
 // Makes the corpora's first inputs, small and good: fuzz-seeds FOLDER writes FOLDER/TARGET/NAME.
 #include "base/bytes.h"
 #include "base/check.h"
+#include "base/kept.h"
 #include "igtl/content.h"
 #include "igtl/stream.h"
 #include "mockup/encode.h"
-#include "trace/trace.h"
+#include "trace/part.h"
+#include "trace/state_session.h"
 #include "unit/case_knee.h"
 #include "wire/mesh_delta.h"
 #include "wire/seal.h"
@@ -15,6 +17,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 static const char *root;
 
@@ -359,41 +362,156 @@ static struct session_input shaver_input(uint64_t number) {
 }
 
 // A burr that cuts, and the tissue made whole again.
-static void a_cut_trace(void) {
-    char folder[FOLDER_MAX], file[300];
-    struct knee_case *knee = box_knee();
-    struct scene *scene;
+struct cut_session {
+    struct session *session;
+    struct operation *operation;
+    struct job_result *result;
     struct session_output output;
-    CHECK(scene_create(&knee, &scene, NULL) == RESULT_OK);
+};
+
+static const enum input_kind cut_kinds[] = {INPUT_START, INPUT_FRAME, INPUT_FRAME, INPUT_JOB,
+                                            INPUT_FRAME, INPUT_RESET, INPUT_JOB,   INPUT_JOB};
+#define CUT_STEPS (sizeof cut_kinds / sizeof *cut_kinds)
+
+static struct cut_session begin_cuts(const struct scene *scene) {
     struct session_settings settings = session_settings_default();
-    struct session *session = session_create(scene, &settings);
-    struct operation *operation = operation_create(scene, settings.rules, instruments_usual());
-    struct job_result *result = NULL;
+    return (struct cut_session){.session = session_create(scene, &settings),
+                                .operation =
+                                    operation_create(scene, settings.rules, instruments_usual())};
+}
+
+static void step_cuts(struct cut_session *c, uint64_t i, struct trace_writer *writer) {
+    struct session_input input = {.kind = cut_kinds[i]};
+    if (cut_kinds[i] == INPUT_FRAME)
+        input = shaver_input(i);
+    if (cut_kinds[i] == INPUT_JOB) {
+        input.job = c->result->job;
+        input.result = c->result;
+    }
+    session_step(c->session, &input, &c->output);
+    CHECK(trace_append(writer, &input, &c->output));
+}
+
+static void run_cut(struct cut_session *c) {
+    if (!c->output.job.id)
+        return;
+    job_result_destroy(&c->result);
+    c->result = operation_run(c->operation, &c->output.job);
+}
+
+static void end_cuts(struct cut_session *c) {
+    job_result_destroy(&c->result);
+    session_destroy(&c->session);
+    operation_destroy(&c->operation);
+}
+
+static void a_cut_trace(const struct scene *scene) {
+    char folder[FOLDER_MAX], file[300];
+    struct cut_session c = begin_cuts(scene);
     folder_make(folder);
     snprintf(file, sizeof file, "%s/a.trace", folder);
     struct trace_writer *writer = begin_trace(file, instruments_usual());
-    static const enum input_kind kinds[] = {INPUT_START, INPUT_FRAME, INPUT_FRAME, INPUT_JOB,
-                                            INPUT_FRAME, INPUT_RESET, INPUT_JOB,   INPUT_JOB};
-    for (uint64_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
-        struct session_input input = {.kind = kinds[i]};
-        if (kinds[i] == INPUT_FRAME)
-            input = shaver_input(i);
-        if (kinds[i] == INPUT_JOB) {
-            input.job = result->job;
-            input.result = result;
-        }
-        session_step(session, &input, &output);
-        CHECK(trace_append(writer, &input, &output));
-        if (!output.job.id)
-            continue;
-        job_result_destroy(&result);
-        result = operation_run(operation, &output.job);
+    for (uint64_t i = 0; i < CUT_STEPS; i++) {
+        step_cuts(&c, i, writer);
+        run_cut(&c);
     }
     seed_trace("cut", folder, writer);
-    job_result_destroy(&result);
-    session_destroy(&session);
-    operation_destroy(&operation);
-    scene_destroy(&scene);
+    end_cuts(&c);
+}
+
+// ---- the next part of that ----------------------------------------------------------------------
+
+struct packed {
+    struct trace_journal journal;
+    uint8_t bytes[1 << 16];
+    size_t size;
+};
+
+static void pack_tapped(void *user, const struct trace_record *tapped) {
+    static struct trace_record kept;
+    struct packed *p = user;
+    CHECK(p->size + TRACE_PACKED_MAX <= sizeof p->bytes);
+    if (trace_journal_take(&p->journal, tapped, &kept))
+        p->size += trace_record_pack(&kept, RULES_NEWEST, p->bytes + p->size);
+}
+
+// Session and tissue alone.
+static void keep_cuts(struct cut_session *c, const char *trace, struct trace_state *state) {
+    struct job asked = c->output.job;
+    struct kept k = kept_growing();
+    for (int section = 0; section < STATE_SECTION_COUNT; section++) {
+        size_t begin = state_section_begin(&k);
+        if (section == STATE_SESSION)
+            session_keep(c->session, &asked, NULL, &k);
+        if (section == STATE_OPERATION)
+            operation_keep(c->operation, &k);
+        state_section_end(&k, begin);
+    }
+    state->output_hash = c->output.hash;
+    state->content = k.data;
+    state->size = k.used;
+    enum result result;
+    while ((result = trace_state_write(trace, state, NULL)) == RESULT_MISSING)
+        usleep(1000);
+    CHECK(result == RESULT_OK);
+    free(k.data);
+}
+
+static void write_part(const char *file, const struct trace_header *header, const uint8_t *state,
+                       size_t size, const struct packed *packed, struct cut_session *c) {
+    static struct trace_record record;
+    struct trace_writer *writer;
+    size_t at = 0;
+    uint64_t step = 1; // of the state
+    CHECK(trace_part_create(file, header, state, size, NULL, NULL, &writer, NULL) == RESULT_OK);
+    while (trace_record_unpack(packed->bytes, packed->size, RULES_NEWEST, &at, &record, NULL) ==
+           RESULT_OK) {
+        CHECK(trace_append_record(writer, &record, NULL) == RESULT_OK);
+        step += record_is_input(&record);
+    }
+    c->output.step = step + 1;
+    CHECK(trace_append(writer, &(struct session_input){.kind = INPUT_STOP}, &c->output));
+    trace_writer_destroy(&writer);
+}
+
+static void a_later_part(const struct scene *scene) {
+    static struct packed packed;
+    char folder[FOLDER_MAX], file[300], part[300];
+    struct trace_header header = {.station = "bench", .case_name = "boxes", .part = 1};
+    struct trace_tap tap = {pack_tapped, &packed};
+    struct trace_writer *writer;
+    struct cut_session c = begin_cuts(scene);
+    uint8_t *state_bytes;
+    size_t size;
+    header.settings = session_settings_default();
+    header.optic = view_optic_usual();
+    folder_make(folder);
+    snprintf(file, sizeof file, "%s/b.trace", folder);
+    snprintf(part, sizeof part, "%s/a.trace", folder);
+    CHECK(trace_writer_create(file, &header, NULL, &tap, &writer, NULL) == RESULT_OK);
+    for (uint64_t i = 0; i < CUT_STEPS; i++) {
+        step_cuts(&c, i, writer);
+        if (i == 0) {
+            struct trace_state state = {0};
+            trace_place_behind(writer, trace_position(writer), &c.output, &state.place);
+            keep_cuts(&c, file, &state);
+            packed.size = 0;
+        }
+        run_cut(&c);
+    }
+    trace_writer_leave(&writer);
+    seed("journal", "cut", (char *)packed.bytes, packed.size);
+    header.part = 2;
+    header.token = 3;
+    snprintf(header.server, sizeof header.server, "beta");
+    CHECK(trace_state_load(file, &state_bytes, &size, NULL) == RESULT_OK);
+    write_part(part, &header, state_bytes, size, &packed, &c);
+    free(state_bytes);
+    char *bytes = read_file(folder, "a.trace", &size);
+    seed("trace", "part", bytes, size);
+    free(bytes);
+    folder_remove(folder);
+    end_cuts(&c);
 }
 
 // A step in which instrument `seen` is there.
@@ -444,7 +562,12 @@ static void traces(void) {
     struct instruments described = described_instruments();
     seed_steps("steps", instruments_usual(), 0);
     seed_steps("described", &described, INSTRUMENTS_USUAL + 1);
-    a_cut_trace();
+    struct knee_case *knee = box_knee();
+    struct scene *scene;
+    CHECK(scene_create(&knee, &scene, NULL) == RESULT_OK);
+    a_cut_trace(scene);
+    a_later_part(scene);
+    scene_destroy(&scene);
 }
 
 // What clients of a server say.

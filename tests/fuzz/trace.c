@@ -4,6 +4,7 @@
 #include "fuzz/fuzz.h"
 #include "metrics/metrics.h"
 #include "trace/replay.h"
+#include "trace/state.h"
 #include "unit/trace_mend.h"
 
 #include <stdlib.h>
@@ -34,7 +35,9 @@ static void read_all(const char *path) {
         CHECK(record.type != TRACE_MARKER || marker_is_valid(&record.marker));
         CHECK(record.type != TRACE_BEGUN || trace_attempt_is_valid(&record.begun));
         CHECK(record.type != TRACE_ENDED || trace_outcome_is_valid(&record.ended));
-        if (record.type != TRACE_STEP && record.type != TRACE_PAST)
+        if (record.state && rerun_take_over(rerun, record.state, &err) == RESULT_OK)
+            time_ns = record.state->place.time_ns;
+        if (!record_is_input(&record))
             continue;
         CHECK(record.input.time_ns >= time_ns);
         CHECK(record.input.kind != INPUT_FRAME || frame_is_valid(&record.input.frame));

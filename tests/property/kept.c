@@ -4,7 +4,7 @@
 
 #include "base/clock.h"
 #include "generated.h"
-#include "random.h"
+#include "property/busy_hands.h"
 #include "step/operation_parts.h"
 #include "step/scene_parts.h"
 #include "step/session.h"
@@ -13,11 +13,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STEP_NS (10 * NS_PER_MS)
 #define STEPS 1600
 #define TWINS_MAX 3
 #define TWIN_STEPS 300
-#define GRASPER (CHANNEL_FIRST_DESCRIBED - CHANNEL_FIRST_INSTRUMENT)
 #define RESOLUTION_MM 2.5
 #define SEEDS 1
 #define DAMAGES 60
@@ -121,101 +119,6 @@ static bool take(const struct image *image, struct living *out) {
     return true;
 }
 
-// ---- hands --------------------------------------------------------------------------------------
-
-struct hands {
-    struct random random;
-    int64_t time_ns;
-    uint64_t number;
-    vec3 tips[INSTRUMENT_COUNT], targets[INSTRUMENT_COUNT];
-    double openings[INSTRUMENT_COUNT], closing[INSTRUMENT_COUNT];
-    bool runs;
-    double flexion_deg;
-};
-
-static vec3 on_tissue(struct random *r) {
-    int tissue = (int)(random_bits(r) % (uint64_t)scene->tissue_count);
-    const struct mesh *mesh = &scene->knee->groups[scene->tissues[tissue].group].mesh;
-    vec3 p = mesh_vertex(mesh, (uint32_t)(random_bits(r) % mesh->vertex_count));
-    return vec3_add(p, random_in_box(r, 1.5));
-}
-
-static vec3 on_loose(struct random *r) {
-    const struct case_loose *loose =
-        &scene->knee->loose[random_bits(r) % (uint64_t)scene->knee->loose_count];
-    return vec3_add(loose->at, random_in_box(r, 3));
-}
-
-static void move(struct hands *h, int tool) {
-    struct random *r = &h->random;
-    vec3 way = vec3_sub(h->targets[tool], h->tips[tool]);
-    double length = vec3_length(way), most = random_between(r, 0, 0.8);
-    if (length < 0.5)
-        h->targets[tool] = tool == GRASPER ? on_loose(r) : on_tissue(r);
-    h->tips[tool] = vec3_add_scaled(h->tips[tool], length > most ? most / length : 1, way);
-    h->openings[tool] += h->closing[tool];
-    if (h->openings[tool] < 0 || h->openings[tool] > 1)
-        h->closing[tool] = -h->closing[tool];
-    h->openings[tool] = fmin(fmax(h->openings[tool], 0), 1);
-}
-
-static struct hands begin_hands(uint64_t seed) {
-    struct hands h = {.random = {seed}, .flexion_deg = 30};
-    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
-        h.tips[i] = h.targets[i] = on_tissue(&h.random);
-        h.closing[i] = random_between(&h.random, 0.02, 0.1);
-    }
-    return h;
-}
-
-static void add(struct session_input *input, struct sample sample) {
-    sample.time_ns = input->time_ns;
-    input->frame.samples[input->frame.count++] = sample;
-}
-
-static void hold(struct hands *h, int tool, struct session_input *input) {
-    enum channel channel = (enum channel)(CHANNEL_FIRST_INSTRUMENT + tool);
-    pose T = {quat_from_axis_angle((vec3){1, 0, 0}, 1.4), h->tips[tool]};
-    move(h, tool);
-    add(input, (struct sample){.channel = channel, .kind = SAMPLE_POSE, .T_mockup_body = T});
-    add(input, (struct sample){.channel = channel,
-                               .kind = SAMPLE_HANDLE,
-                               .handle = {h->openings[tool], h->runs ? 7 : 0}});
-}
-
-static void next_frame(struct hands *h, struct session_input *input) {
-    static const int tools[] = {0, CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT,
-                                CHANNEL_SHAVER - CHANNEL_FIRST_INSTRUMENT, GRASPER};
-    struct random *r = &h->random;
-    *input = (struct session_input){.kind = INPUT_FRAME, .time_ns = h->time_ns};
-    input->frame = (struct frame){.number = ++h->number, .time_ns = h->time_ns};
-    h->flexion_deg = fmin(fmax(h->flexion_deg + random_between(r, -0.5, 0.5), 0), 90);
-    add(input, (struct sample){.channel = CHANNEL_JOINT,
-                               .kind = SAMPLE_JOINT,
-                               .joint = {.flexion_deg = h->flexion_deg}});
-    for (size_t i = 0; i < sizeof tools / sizeof *tools; i++)
-        if (random_bits(r) % 50)
-            hold(h, tools[i], input);
-    if (random_bits(r) % 60 == 0)
-        h->runs = !h->runs;
-}
-
-static void next_input(struct hands *h, const struct living *l, struct session_input *out) {
-    struct random *r = &h->random;
-    h->time_ns += STEP_NS;
-    if (l->pending && random_bits(r) % 3 == 0) {
-        *out = (struct session_input){
-            .kind = INPUT_JOB, .time_ns = h->time_ns, .job = l->pending->job};
-        return;
-    }
-    next_frame(h, out);
-    uint64_t chance = random_bits(r) % 700;
-    if (l->out.state != SESSION_RUNNING)
-        out->kind = chance < 60 ? INPUT_START : chance < 100 ? INPUT_EMPTY : out->kind;
-    else if (chance < 8)
-        out->kind = chance == 0 ? INPUT_RESET : chance == 1 ? INPUT_PAUSE : INPUT_UNDO;
-}
-
 // ---- the same bits ------------------------------------------------------------------------------
 
 static void assert_same_tissue(const struct living *a, const struct living *b) {
@@ -286,7 +189,7 @@ static struct tally run(uint64_t seed) {
     struct tally tally = {0};
     struct twin twins[TWINS_MAX] = {0};
     struct living l = live();
-    struct hands hands = begin_hands(seed);
+    struct busy_hands hands = busy_hands_begin(scene, seed);
     struct session_input input = {.kind = INPUT_START};
     for (int i = 0; i < STEPS; i++) {
         step(&l, &input);
@@ -297,7 +200,7 @@ static struct tally run(uint64_t seed) {
             else if (random_bits(&hands.random) % 40 == 0)
                 make_twin(&twins[k], &l, &tally);
         run_job(&l, &l.out.job);
-        next_input(&hands, &l, &input);
+        busy_hands_next(&hands, &l.out, l.pending, &input);
     }
     for (int k = 0; k < TWINS_MAX; k++)
         if (twins[k].left)
@@ -325,12 +228,12 @@ static void a_session_that_is_kept_goes_on_with_the_same_bits(void **state) {
 
 // ---- damage -------------------------------------------------------------------------------------
 
-static void go_on(struct living *l, struct hands hands) {
+static void go_on(struct living *l, struct busy_hands hands) {
     struct session_input input;
     run_job(l, &l->out.job);
     hands.time_ns += 3600 * NS_PER_S; // the damaged clock may be ahead
     for (int i = 0; i < 20 && l->out.time_ns <= hands.time_ns; i++) {
-        next_input(&hands, l, &input);
+        busy_hands_next(&hands, &l->out, l->pending, &input);
         step(l, &input);
         run_job(l, &l->out.job);
     }
@@ -351,13 +254,13 @@ static void damage(struct random *r, struct kept *k) {
     }
 }
 
-static struct living cut_a_while(struct hands *hands) {
+static struct living cut_a_while(struct busy_hands *hands) {
     struct living l = live();
     struct session_input input = {.kind = INPUT_START};
     for (int i = 0; i < 700 || !session_can_be_kept(l.session, &l.out.job); i++) {
         run_job(&l, &l.out.job);
         step(&l, &input);
-        next_input(hands, &l, &input);
+        busy_hands_next(hands, &l.out, l.pending, &input);
         if (input.kind == INPUT_RESET)
             input.kind = INPUT_EMPTY;
     }
@@ -374,7 +277,7 @@ static struct image copy_of(const struct image *image) {
 static void damaged_memory_is_refused_or_harmless(void **state) {
     (void)state;
     struct random r = {7};
-    struct hands hands = begin_hands(11);
+    struct busy_hands hands = busy_hands_begin(scene, 11);
     struct living l = cut_a_while(&hands);
     struct image image = keep(&l);
     int refused = 0;

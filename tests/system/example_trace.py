@@ -20,7 +20,7 @@ sys.dont_write_bytecode = True
 spec.loader.exec_module(example)
 # What info tells besides: where the session comes from, its settings, and what docs/examples/touch.py reads.
 NOT_FIGURES = {"station", "trainee", "case", "start", "settings", "machine", "parent", "parent_session", "optic", "remarks", "markers", "markers_count",
-               "touches", "attempts"}
+               "touches", "attempts", "state_step"}
 
 
 def rounded(value):

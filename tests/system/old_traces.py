@@ -69,6 +69,7 @@ class OldTraces(unittest.TestCase):
         self.assertAlmostEqual(resection["removed_mm3"] + resection["pieces_mm3"], scored["value"], 9)
         resection["removed_mm3"] = before["resections"][0]["removed_mm3"]
         self.assertEqual((found.pop("markers"), found.pop("markers_count"), found.pop("attempts")), ([], 0, []))
+        self.assertEqual([found.pop(key) for key in ("part", "server", "token", "taken", "state_step")], [1, "", 0, 0, 0])
         self.assertEqual([found["events"].pop(event) for event in ("grasped", "dropped", "taken_out")], [0, 0, 0])
         self.assertEqual(found, before)
 
@@ -99,7 +100,7 @@ class OldTraces(unittest.TestCase):
     def test_a_piece_of_it_replays(self):
         piece = self.path("piece.trace")
         call("arthron-trace", "cut", self.trace, "--from", "8", "--to", "12", "--out", piece)
-        self.assertEqual(call_json("arthron-trace", "info", piece)["version"], 6)
+        self.assertEqual(call_json("arthron-trace", "info", piece)["version"], 7)
         found = call_json("arthron-trace", "replay", piece, "--case", self.case)
         self.assertTrue(found["same_events"])
 

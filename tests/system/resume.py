@@ -16,7 +16,7 @@ from bites import Bites
 STATE = ("mesh_number", "mesh_hash", "cuts", "removed_mm3", "pieces_mm3", "volume_mm3", "warped_mm3", "left_mm3",
          "distance_mm", "over_mm3", "under_mm3", "rim_mm", "removed_zone_mm3")
 
-PLACE_IN_STATE = 9 + 4 + 20 + 64 + 64  # behind magic, version, and who wrote it: its offset and its step
+PLACE_IN_STATE = 9 + 4 + 4 + 20 + 64 + 64  # behind magic, version, format, and who wrote it: its offset and its step
 
 
 class Resume(Bites):

@@ -237,6 +237,9 @@ struct trace_header some_header(void) {
                      .ease_mm_s = 1.5},
         .optic = {70, 85.5},
         .loose_count = LOOSE,
+        .part = 1,
+        .server = "north",
+        .token = 0x8877665544332211,
     };
     struct session_settings usual = session_settings_default();
     h.settings.instruments = usual.instruments;

@@ -129,7 +129,7 @@ def info(trace):
     for name, r in trace.records():
         count[name] += 1
         count["missing"] += r["missing"] if name == "gap" else 0
-        if name == "taken" and r["landed"]:
+        if r.get("landed"):  # at a step, or taken over from the server before
             tissues[r["landed"]["tissue"]] = r["landed"]
         if name == "step":
             first, last = first or r, r
@@ -139,8 +139,6 @@ def info(trace):
             for tool, o in r["instruments"].items():
                 take_instrument(tools.setdefault(tool, {"steps": 0}), o)
                 largest = max(largest, math.hypot(*o["displacement"]))
-            if r["landed"]:
-                tissues[r["landed"]["tissue"]] = r["landed"]
     for f in tools.values():
         if "noticed" in f:
             f["noticeable_share"] = dict(zip(NOTICED, (n / f["steps"] for n in f.pop("noticed"))))

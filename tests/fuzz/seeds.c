@@ -469,7 +469,7 @@ static void write_part(const char *file, const struct trace_header *header, cons
         CHECK(trace_append_record(writer, &record, NULL) == RESULT_OK);
         step += record_is_input(&record);
     }
-    c->output.step = step + 1;
+    c->output = (struct session_output){.step = step + 1, .state = SESSION_CLOSED};
     CHECK(trace_append(writer, &(struct session_input){.kind = INPUT_STOP}, &c->output));
     trace_writer_destroy(&writer);
 }

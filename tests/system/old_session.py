@@ -7,7 +7,9 @@ import shutil
 import unittest
 
 from arthron import SystemTest, call, call_json
-from old_traces import unpack
+from old_traces import SOURCE, unpack, unpack_trace
+
+KILLED = os.path.join(SOURCE, "tests/corpus/trace/version6/killed.trace.xz")  # amid cuts and an undo, on the same case
 
 
 class OldSession(SystemTest):
@@ -46,6 +48,26 @@ start = auto
         verified = call_json("arthron-trace", "verify", self.trace, "--authority",
                              os.path.join(self.keys, "authority.pem"))
         self.assertEqual(verified["signature"], "good")
+
+    def test_one_of_version_6_goes_on_in_its_version(self):
+        os.unlink(self.trace)
+        trace = os.path.join(self.traces, "room-1-20261129T024309Z-afa94321.trace")
+        os.rename(unpack_trace(KILLED, self.folder), trace)
+        before = call_json("arthron-trace", "info", trace)
+        server = self.start_server(self.stations("tear-radial").replace("demo", "room-1"))
+        session = self.session("room-1")
+        self.assertEqual((session["id"], session["trace"], session["state"]), (before["session"], trace, "running"))
+        self.session_command("stop", "room-1")
+        server.end()
+        after = call_json("arthron-trace", "info", trace)
+        self.assertEqual([after[key] for key in ("version", "part", "server", "token", "resumes", "state", "whole")],
+                         [6, 1, "", 0, 1, "closed", True])
+        self.assertEqual(after["resections"], before["resections"])
+        replay = call_json("arthron-trace", "replay", trace, "--case", self.case)
+        self.assertEqual((replay["verdict"], replay["rules"]), ("identical", 12))
+        self.assertEqual(call_json("arthron-trace", "verify", trace)["signature"], "good")
+        for option, name in (("--csv", "a.csv"), ("--gltf", "a.glb")):
+            call("arthron-trace", "export", trace, "--case", self.case, option, self.path(name))
 
     def test_what_cannot_go_on_is_closed_and_signed_with_the_reason(self):
         shutil.rmtree(self.case)

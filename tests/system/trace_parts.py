@@ -160,12 +160,11 @@ class TraceParts(Bites):
         self.refuse(first, content, state, second)
 
     def work_from_its_state(self, second):
-        case = os.path.join(self.cases, "healthy")
         for option, name in (("--csv", "a.csv"), ("--gltf", "a.glb"), ("--exr", "a.exr")):
-            call("arthron-trace", "export", second, "--case", case, option, self.path(name))
-        call("arthron-trace", "report", second, "--case", case, "--out", self.path("a.html"))
-        call("arthron-trace", "picture", second, "--case", case, "--group", "meniscus_medial", "--out", self.path("a.png"))
-        call("arthron-trace", "judge", second, "--case", case)
+            call("arthron-trace", "export", second, option, self.path(name))
+        call("arthron-trace", "report", second, "--out", self.path("a.html"))
+        call("arthron-trace", "picture", second, "--group", "meniscus_medial", "--out", self.path("a.png"))
+        call("arthron-trace", "judge", second)
         self.assertIn("nothing can be cut", call("arthron-trace", "cut", second, "--from", "1", "--to", "2", "--out",
                                                  self.path("piece"), code=1).stderr)
         self.assertIn("no other settings", call("arthron-trace", "replay", second, "--strength", "0.5", code=1).stderr)

@@ -6,6 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+_Static_assert(sizeof(struct metrics) == 49760 && offsetof(struct attempt, hints) == 10272 &&
+                   sizeof(struct snapshot_maker) == 2816,
+               "what is copied as it lies: where it changes, raise KEPT_FORMAT (trace/state.h)");
+
 static void write_attempt(const struct session_runtime *session, struct kept *k) {
     const struct session_attempt *runs = session->attempt;
     struct kept_attempt attempt = {.begun = session->attempts};

@@ -33,9 +33,9 @@ struct restored {
 // only if at_s is given. RESULT_REFUSED: the case or the version is not this server's, steps are
 // missing, a step does not reproduce its recorded hash, or a job of the server before lands
 // otherwise here; or at_s is of a later part. RESULT_VERSION: that begins with a state of another
-// KEPT_FORMAT. RESULT_IO: the trace or its case cannot be read. RESULT_INVALID: at_s is after the end.
-// RESULT_TIMEOUT: the server is ending. Other results as trace_read. From any thread, while the
-// server has its cases.
+// KEPT_FORMAT. RESULT_IO: the trace or its case cannot be read. RESULT_INVALID: at_s is after the
+// end. RESULT_TIMEOUT: the server is ending. Other results as trace_read. From any thread, while
+// the server has its cases.
 enum result restore_run(const struct sessions *sessions, const char *path, const double *at_s,
                         struct restored *out, struct error *err);
 

@@ -300,8 +300,8 @@ static void write_with_attempts(const char *keys, uint32_t attempts) {
         vouches.context = signer;
     }
     unlink(path);
-    assert_int_equal(trace_writer_create(path, &header, keys ? &vouches : NULL, NULL, &writer, &err),
-                     RESULT_OK);
+    assert_int_equal(
+        trace_writer_create(path, &header, keys ? &vouches : NULL, NULL, &writer, &err), RESULT_OK);
     for (uint64_t n = 1; n <= 5; n++)
         assert_true(append_step(writer, n));
     append_attempts(writer, attempts);

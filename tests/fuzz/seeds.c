@@ -110,6 +110,17 @@ static void messages(void) {
     CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
     seed("control", "welcome", data, used);
 
+    control = (arthron_Control){
+        .which_message = arthron_Control_refusal_tag,
+        .message.refusal = {arthron_Refusal_Reason_ELSEWHERE, "go", "b.example.org:4810", 250}};
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "refusal", data, used);
+
+    control = (arthron_Control){.which_message = arthron_Control_moved_tag,
+                                .message.moved = {"[fd00::2]:4810"}};
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "moved", data, used);
+
     control = (arthron_Control){.which_message = arthron_Control_marker_tag,
                                 .message.marker = {2, 5000000000, "start", "pedal", 1}};
     CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);

@@ -99,7 +99,7 @@ static enum result decode_copy(int kind, const uint8_t *bytes, size_t size, void
 
 // ---- valid messages -----------------------------------------------------------------------------
 
-#define VALID_MAX 25
+#define VALID_MAX 26
 
 static int all_valid(struct valid out[VALID_MAX]) {
     int count = 0;
@@ -108,7 +108,7 @@ static int all_valid(struct valid out[VALID_MAX]) {
         fill_control(which, control);
         out[count++] = encoded(KIND_CONTROL, control);
     }
-    for (int which = arthron_Control_marker_tag; which <= arthron_Control_attempt_tag; which++) {
+    for (int which = arthron_Control_marker_tag; which <= arthron_Control_moved_tag; which++) {
         fill_control(which, control);
         out[count++] = encoded(KIND_CONTROL, control);
     }

@@ -154,7 +154,8 @@ static void fill_welcome(arthron_Welcome *welcome) {
                                  .state = arthron_SessionState_PAUSED,
                                  .resumed = true,
                                  .hold_ms = 100,
-                                 .utc_s = 1800000000};
+                                 .utc_s = 1800000000,
+                                 .token = UINT64_MAX};
 }
 
 void make_knee(struct knee_frame *out) {
@@ -206,7 +207,8 @@ void fill_control(int which, arthron_Control *out) {
         fill_welcome(&out->message.welcome);
         break;
     case arthron_Control_refusal_tag:
-        out->message.refusal = (arthron_Refusal){arthron_Refusal_Reason_BUSY, "too many"};
+        out->message.refusal =
+            (arthron_Refusal){arthron_Refusal_Reason_ELSEWHERE, "too many", "[fd00::2]:4810", 250};
         break;
     case arthron_Control_ping_tag:
         out->message.ping = (arthron_Ping){.sent_ns = 1, .rests = true};
@@ -253,6 +255,9 @@ void fill_control(int which, arthron_Control *out) {
         break;
     case arthron_Control_marker_ack_tag:
         out->message.marker_ack.number = UINT64_MAX;
+        break;
+    case arthron_Control_moved_tag:
+        out->message.moved = (arthron_Moved){"b.example.org:4810"};
         break;
     default:
         fill_enrolled(&out->message.enrolled);

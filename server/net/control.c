@@ -29,6 +29,8 @@ static void serve(struct control *control, const struct peer_slot *slot) {
         peer_refuse(peer, arthron_Refusal_Reason_SHUTDOWN, "the server stops");
     else if (slot->overflown)
         control_end_soon(peer);
+    else if (slot->server[0])
+        peer_move(peer, slot->server);
     else
         lws_callback_on_writable(peer->wsi);
 }

@@ -18,8 +18,10 @@ struct control_peer {
 // The control thread calls these; none may block.
 struct control_handler {
     void *user;
-    // A station with a valid certificate and version. Fill in session and case of *out_welcome and
-    // return RESULT_OK. With any other result the peer gets *out_refusal and is closed.
+    // A station with a valid certificate and version. Fill in session, case and token of
+    // *out_welcome and return RESULT_OK. With any other result the peer gets *out_refusal as it is
+    // (ELSEWHERE with the server that has its session, or another reason, also with retry_ms) and
+    // is closed.
     enum result (*on_hello)(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *out_welcome, arthron_Refusal *out_refusal);
     // With each answer to a ping: server = station + offset_ns, within ± uncertainty_ns; rtt_ns is
@@ -72,6 +74,10 @@ void control_destroy(struct control **control);
 // that on_hello sends, or others at the same time, go out after Welcome.
 bool control_send(struct control *control, struct control_peer peer,
                   const arthron_Control *message);
+
+// From any thread, never waits: sends Moved with that server ("host:port") and closes. What waits
+// for the peer is dropped, and on_gone is called before it is closed. False if the peer is gone.
+bool control_move(struct control *control, struct control_peer peer, const char *server);
 
 // From any thread, never waits: sends a mesh's payload in chunks, each one only while no message
 // waits for that peer. Holds a reference of its own until the last chunk is sent or the peer is

@@ -74,6 +74,7 @@ struct peer_slot {
     int turn;       // of deliveries
     bool wakes;     // the control thread has something to do for it: it is in `woken`
     bool overflown; // a message that it must not miss had no room
+    char server[sizeof((arthron_Moved){0}.server)]; // where to send it; empty: it stays
 };
 
 struct control {
@@ -155,5 +156,8 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us);
 void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-// The same for a message that contradicts the schema; counted.
+// Tells an agreed peer which server to go to, and closes. It has lost its slot when this returns.
+void peer_move(struct peer *peer, const char *server);
+
+// As peer_refuse, for a message that contradicts the schema; counted.
 void peer_malformed(struct peer *peer, const char *text);

@@ -2,6 +2,8 @@
 #include "base/check.h"
 #include "net/control_parts.h"
 
+#include <stdio.h>
+
 void control_send_urgent(struct peer *peer, const arthron_Control *message, bool last) {
     if (peer->closing)
         return;
@@ -86,6 +88,20 @@ bool control_send(struct control *control, struct control_peer handle,
     if (wakes)
         ws_server_wake(control->server);
     return put == OUTBOX_QUEUED;
+}
+
+bool control_move(struct control *control, struct control_peer handle, const char *server) {
+    bool wakes = false;
+    pthread_mutex_lock(&control->lock);
+    struct peer_slot *slot = control_find_slot(control, handle);
+    if (slot) {
+        snprintf(slot->server, sizeof slot->server, "%s", server);
+        wakes = control_wake_slot(control, slot);
+    }
+    pthread_mutex_unlock(&control->lock);
+    if (wakes)
+        ws_server_wake(control->server);
+    return slot != NULL;
 }
 
 bool control_has_more(struct peer *peer) {

@@ -39,19 +39,31 @@ static void leave(struct peer *peer) {
     handler->on_gone(handler->user, peer->handle);
 }
 
-void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...) {
-    arthron_Control message = {.which_message = arthron_Control_refusal_tag};
-    arthron_Refusal *refusal = &message.message.refusal;
-    va_list args;
-    va_start(args, format);
-    vsnprintf(refusal->text, sizeof refusal->text, format, args);
-    va_end(args);
-    refusal->reason = reason;
+static void refuse_with(struct peer *peer, const arthron_Refusal *refusal) {
+    const arthron_Control message = {.which_message = arthron_Control_refusal_tag,
+                                     .message.refusal = *refusal};
     if (peer->identity.certified)
         log_info("control", "station %s is refused: %s", peer->identity.name, refusal->text);
     else
         log_debug("control", "an unknown client is refused: %s", refusal->text);
     cancel_application(peer);
+    leave(peer);
+    control_send_urgent(peer, &message, true);
+}
+
+void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...) {
+    arthron_Refusal refusal = {.reason = reason};
+    va_list args;
+    va_start(args, format);
+    vsnprintf(refusal.text, sizeof refusal.text, format, args);
+    va_end(args);
+    refuse_with(peer, &refusal);
+}
+
+void peer_move(struct peer *peer, const char *server) {
+    arthron_Control message = {.which_message = arthron_Control_moved_tag};
+    snprintf(message.message.moved.server, sizeof message.message.moved.server, "%s", server);
+    log_info("control", "station %s is sent to %s", peer->identity.name, server);
     leave(peer);
     control_send_urgent(peer, &message, true);
 }
@@ -169,8 +181,9 @@ static void handle_hello(struct peer *peer, const arthron_Hello *hello, int64_t 
         control->handler.on_hello(control->handler.user, peer->handle, hello, welcome, &refusal);
     if (result != RESULT_OK) {
         control_free_slot(peer);
-        peer_refuse(peer, refusal.reason, "%s",
-                    refusal.text[0] ? refusal.text : result_sentence(result));
+        if (!refusal.text[0])
+            snprintf(refusal.text, sizeof refusal.text, "%s", result_sentence(result));
+        refuse_with(peer, &refusal);
         return;
     }
     welcome->version = version;

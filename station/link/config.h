@@ -2,11 +2,12 @@
 #pragma once
 
 #include "link/meshes.h"
+#include "link/servers.h"
 #include "wire/wire.h"
 
 struct link_config {
-    const char *host;
-    int port;
+    int server_count; // at least 1
+    struct server_address servers[SERVERS_MAX];
     const char *keys_dir; // station.key, station.pem, authority.pem (link_enrol makes them)
     const char *station;
     const char *software;

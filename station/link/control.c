@@ -14,6 +14,7 @@
 
 #define DATAGRAMS_LIVE_NS (2 * NS_PER_S)
 #define CONNECT_S 5
+#define PATIENCE_US (3 * LWS_US_PER_SEC) // until Welcome, while there is another server
 #define QUEUE_LENGTH 16
 #define UTC_MAX_S (INT64_C(1) << 40)
 
@@ -82,7 +83,22 @@ static bool hand_over(struct link *link, struct arrival *arrival) {
     return write(link->arrival_fd, &one, sizeof one) == sizeof one;
 }
 
-static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
+static bool is_up_to_date(struct link *link, const arthron_Welcome *welcome) {
+    struct servers *servers = &link->control.servers;
+    uint64_t token = link->config.visit ? 0 : welcome->token;
+    if (servers_welcomed(servers, welcome->session_id, token, clock_now_ns()))
+        return true;
+    const struct server_address *server = servers_present(servers);
+    log_warning("link", "%s, port %d is left: another server has taken its session over",
+                server->host, server->port);
+    return false;
+}
+
+static int hear_welcome(struct link *link, const arthron_Welcome *welcome) {
+    if (!is_up_to_date(link, welcome))
+        return -1;
+    const struct server_address *server = servers_present(&link->control.servers);
+    lws_sul_cancel(&link->control.patience);
     link->control.welcomed = true;
     link_agree(link, welcome);
     meshes_set_case(link->meshes, welcome->case_hash);
@@ -99,19 +115,44 @@ static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
     link->status.clock_is_wrong = false;
     pthread_mutex_unlock(&link->lock);
     link->control.attempts = 0;
-    link->control.trouble[0] = '\0';
-    log_info("link", "welcomed by %s, case %s", welcome->software, welcome->case_name);
+    memset(link->control.trouble, 0, sizeof link->control.trouble);
+    log_info("link", "welcomed by %s, port %d (%s), case %s", server->host, server->port,
+             welcome->software, welcome->case_name);
     lws_set_timer_usecs(link->control.socket, 0);
+    return 0;
 }
 
-static void hear_refusal(struct link *link, const arthron_Refusal *refusal) {
+// Ends the connection.
+static int go_on_after(struct link *link, int next_ms) {
+    link->control.decided = true;
+    link->control.next_ms = next_ms;
+    return -1;
+}
+
+static int go_elsewhere(struct link *link, const char *server) {
+    struct server_address to;
+    struct servers *servers = &link->control.servers;
+    const struct server_address *from = servers_present(servers);
+    bool is_address = server_parse(server, &to);
+    log_info("link", "%s, port %d sends the station to %s", from->host, from->port,
+             is_address ? server : "no address");
+    return go_on_after(link, servers_elsewhere(servers, is_address ? &to : NULL, clock_now_ns()));
+}
+
+static int hear_refusal(struct link *link, const arthron_Refusal *refusal) {
+    struct servers *servers = &link->control.servers;
     pthread_mutex_lock(&link->lock);
     bool again = !strcmp(link->status.refusal, refusal->text);
     snprintf(link->status.refusal, sizeof link->status.refusal, "%s", refusal->text);
     link->status.refusal_reason = refusal->reason;
     pthread_mutex_unlock(&link->lock);
+    if (refusal->reason == arthron_Refusal_Reason_ELSEWHERE)
+        return go_elsewhere(link, refusal->server);
     if (!again)
         log_warning("link", "the server refuses: %s", refusal->text);
+    return go_on_after(link, refusal->retry_ms
+                                 ? servers_ask_again(servers, refusal->retry_ms, clock_now_ns())
+                                 : servers_lost(servers, false, clock_now_ns()));
 }
 
 // Called when either of the two has changed.
@@ -128,6 +169,7 @@ static void ask_for_meshes(struct link *link) {
 static void keep_session(struct link *link, const arthron_SessionChange *change) {
     struct link_session *session = &link->session;
     session->connection = atomic_load(&link->connects);
+    session->server = *servers_present(&link->control.servers);
     session->state = (arthron_SessionState)change->state;
     memcpy(session->case_name, change->case_name, sizeof session->case_name);
     session->case_hash = change->case_hash;
@@ -242,6 +284,8 @@ static int hear_welcomed(struct link *link, const arthron_Control *message, int6
     case arthron_Control_attempt_tag:
         link_keep_attempt(link, &message->message.attempt);
         return 0;
+    case arthron_Control_moved_tag:
+        return go_elsewhere(link, message->message.moved.server);
     case arthron_Control_resection_tag:
         return 0; // figures for a view
     default:
@@ -254,11 +298,11 @@ static int hear_message(struct link *link, const arthron_Control *message, int64
     if (message->which_message == 0) {
         atomic_fetch_add(&link->unknown_messages, 1);
     } else if (message->which_message == arthron_Control_refusal_tag) {
-        hear_refusal(link, &message->message.refusal);
+        return hear_refusal(link, &message->message.refusal);
     } else if (link->control.welcomed) {
         return hear_welcomed(link, message, now_ns);
     } else if (message->which_message == arthron_Control_welcome_tag) {
-        hear_welcome(link, &message->message.welcome);
+        return hear_welcome(link, &message->message.welcome);
     } else {
         log_warning("link", "the server's first message is not Welcome");
         return -1;
@@ -315,14 +359,16 @@ static int tick(struct link *link) {
     struct control_connection *control = &link->control;
     int64_t now_ns = clock_now_ns();
     bool has_datagrams = now_ns - atomic_load(&link->datagram_ns) < DATAGRAMS_LIVE_NS;
-    if (pings_are_missed(&control->pings, has_datagrams, now_ns)) {
+    bool has_other = servers_has_other(&control->servers);
+    if (pings_are_missed(&control->pings, has_datagrams, has_other, now_ns)) {
+        control->was_silent = true;
         log_warning("link", "no answer from the server for %d s",
                     (int)((now_ns - control->pings.answered_ns) / NS_PER_S));
         return -1;
     }
     if (atomic_load(&link->keys_changed)) { // only a new connection can show them
         log_info("link", "the station's certificate has changed: connecting again");
-        return -1;
+        return go_on_after(link, SERVERS_BACK_OFF);
     }
     ping(link, now_ns);
     lws_set_timer_usecs(control->socket, pings_next_ns(&control->pings) / 1000);
@@ -334,16 +380,16 @@ static int tick(struct link *link) {
 static void try_again(struct link *link);
 
 static void log_trouble(struct link *link, const char *text) {
-    char *last = link->control.trouble;
+    const struct server_address *server = servers_present(&link->control.servers);
+    char *last = link->control.trouble[link->control.servers.present];
     if (atomic_load(&link->stopping) || !strcmp(last, text))
         return;
-    snprintf(last, sizeof link->control.trouble, "%s", text);
+    snprintf(last, sizeof *link->control.trouble, "%s", text);
     pthread_mutex_lock(&link->lock);
     snprintf(link->status.problem, sizeof link->status.problem, "%s", text);
     link->status.clock_is_wrong = link->trust.clock_is_wrong;
     pthread_mutex_unlock(&link->lock);
-    log_warning("link", "no connection to %s, port %d: %s", link->config.host, link->config.port,
-                text);
+    log_warning("link", "no connection to %s, port %d: %s", server->host, server->port, text);
 }
 
 static void take_keys(struct link *link) {
@@ -353,16 +399,24 @@ static void take_keys(struct link *link) {
         log_warning("link", "%s; keeping the previous certificate", err.text);
 }
 
-static void connect_now(lws_sorted_usec_list_t *retry) {
-    struct control_connection *control = lws_container_of(retry, struct control_connection, retry);
+static void lose_patience(lws_sorted_usec_list_t *patience) {
+    struct control_connection *control =
+        lws_container_of(patience, struct control_connection, patience);
     struct link *link = lws_container_of(control, struct link, control);
-    take_keys(link);
+    log_trouble(link, "the server does not answer. Check that it runs, and check host, port and "
+                      "network");
+    control->was_silent = true;
+    lws_set_timeout(control->socket, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
+}
+
+static void connect_to(struct link *link, const struct server_address *server) {
+    struct control_connection *control = &link->control;
     struct lws_client_connect_info info = {
         .context = control->context,
-        .address = link->config.host,
-        .port = link->config.port,
-        .host = link->config.host,
-        .origin = link->config.host,
+        .address = server->host,
+        .port = server->port,
+        .host = server->host,
+        .origin = server->host,
         .path = "/",
         .protocol = WIRE_SUBPROTOCOL,
         .alpn = "http/1.1",
@@ -370,19 +424,51 @@ static void connect_now(lws_sorted_usec_list_t *retry) {
         .ssl_connection = LCCSCF_USE_SSL | LCCSCF_SKIP_SERVER_CERT_HOSTNAME_CHECK,
         .pwsi = &control->socket,
     };
-    link->trust.problem[0] = '\0';
-    link->trust.clock_is_wrong = false;
+    struct error err;
+    if (trust_expect(&link->trust, server->host, &err) != RESULT_OK) { // another server named it
+        log_trouble(link, err.text);
+        try_again(link);
+        return;
+    }
+    if (servers_has_other(&control->servers))
+        lws_sul_schedule(control->context, 0, &control->patience, lose_patience, PATIENCE_US);
     if (!lws_client_connect_via_info(&info)) {
         log_trouble(link, trouble_sentence(NULL));
         try_again(link);
     }
 }
 
+static void connect_now(lws_sorted_usec_list_t *retry) {
+    struct control_connection *control = lws_container_of(retry, struct control_connection, retry);
+    struct link *link = lws_container_of(control, struct link, control);
+    const struct server_address *server = servers_present(&control->servers);
+    take_keys(link);
+    link->trust.problem[0] = '\0';
+    link->trust.clock_is_wrong = false;
+    control->connecting = true;
+    control->decided = control->was_silent = false;
+    pthread_mutex_lock(&link->lock);
+    link->status.server = *server;
+    pthread_mutex_unlock(&link->lock);
+    connect_to(link, server);
+}
+
 static void try_again(struct link *link) {
-    link->control.socket = NULL;
-    if (!atomic_load(&link->stopping))
-        lws_retry_sul_schedule(link->control.context, 0, &link->control.retry, &backoff,
-                               connect_now, &link->control.attempts);
+    struct control_connection *control = &link->control;
+    control->socket = NULL;
+    if (!control->connecting || atomic_load(&link->stopping))
+        return;
+    control->connecting = false;
+    lws_sul_cancel(&control->patience);
+    int next_ms = control->decided
+                      ? control->next_ms
+                      : servers_lost(&control->servers, control->was_silent, clock_now_ns());
+    if (next_ms == SERVERS_BACK_OFF)
+        lws_retry_sul_schedule(control->context, 0, &control->retry, &backoff, connect_now,
+                               &control->attempts);
+    else
+        lws_sul_schedule(control->context, 0, &control->retry, connect_now,
+                         next_ms * LWS_US_PER_MS + 1);
 }
 
 static void connected(struct link *link, struct lws *socket) {
@@ -407,7 +493,7 @@ static void disconnected(struct link *link) {
     link->status.welcomed = false;
     link->status.clock_known = false;
     pthread_mutex_unlock(&link->lock);
-    if (welcomed && !atomic_load(&link->stopping) && !atomic_load(&link->keys_changed))
+    if (welcomed && !link->control.decided)
         log_trouble(link,
                     "the connection was lost. The station connects again when the server answers");
     try_again(link);
@@ -432,7 +518,9 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
             lws_callback_on_writable(link->control.socket);
         return 0;
     case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
-        log_trouble(link, link->trust.problem[0] ? link->trust.problem : trouble_sentence(bytes));
+        if (!link->control.was_silent)
+            log_trouble(link,
+                        link->trust.problem[0] ? link->trust.problem : trouble_sentence(bytes));
         return 0;
     case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
         if (socket == link->control.socket)
@@ -469,11 +557,11 @@ enum result control_init(struct link *link, struct error *err) {
         .uid = -1,
     };
     lws_set_log_level(0, NULL);
+    servers_init(&link->control.servers, link->config.servers, link->config.server_count);
     link->control.queue = ring_create(QUEUE_LENGTH, sizeof(struct control_message));
     link->control.context = lws_create_context(&info);
     if (!link->control.context)
-        return fail(err, RESULT_IO, "the station cannot set up a connection to %s",
-                    link->config.host);
+        return fail(err, RESULT_IO, "the station cannot set up a connection to a server");
     return RESULT_OK;
 }
 

@@ -231,7 +231,9 @@ static enum result exchange(struct enrol_client *e, const char *code, const char
                             const char *keys_dir, struct error *err) {
     EVP_PKEY *key = EVP_EC_gen("P-256");
     NEED(key, "memory");
-    enum result result = prepare(e, code, station, key, err);
+    enum result result = trust_expect(&e->trust, e->host, err);
+    if (result == RESULT_OK)
+        result = prepare(e, code, station, key, err);
     if (result == RESULT_OK) {
         converse(e);
         result = e->result;
@@ -248,15 +250,16 @@ enum result link_enrol(const char *host, int port, const char *code_text, const 
     struct enrol_client e = {.host = host, .port = port, .err = err};
     struct code code;
     enum result result = code_read(code_text, &code, err);
-    if (result == RESULT_OK)
-        result = trust_init_code(&e.trust, &code, host, err);
-    return result == RESULT_OK ? exchange(&e, code_text, station, keys_dir, err) : result;
+    if (result != RESULT_OK)
+        return result;
+    trust_init_code(&e.trust, &code);
+    return exchange(&e, code_text, station, keys_dir, err);
 }
 
-enum result enrol_again(const struct link_config *config, const atomic_bool *stopping,
-                        struct error *err) {
+enum result enrol_again(const struct link_config *config, const struct server_address *server,
+                        const atomic_bool *stopping, struct error *err) {
     struct enrol_client e = {
-        .host = config->host, .port = config->port, .stopping = stopping, .err = err};
-    enum result result = trust_init(&e.trust, config->keys_dir, config->host, err);
+        .host = server->host, .port = server->port, .stopping = stopping, .err = err};
+    enum result result = trust_init(&e.trust, config->keys_dir, err);
     return result == RESULT_OK ? exchange(&e, "", config->station, config->keys_dir, err) : result;
 }

@@ -5,10 +5,10 @@
 
 #include <stdatomic.h>
 
-// A new key, and from the server of `config` a certificate for it; both take the place of those in
-// its keys_dir. Waits 15 s at most, or until *stopping is set (RESULT_CLOSED).
-enum result enrol_again(const struct link_config *config, const atomic_bool *stopping,
-                        struct error *err);
+// A new key, and from a server a certificate for it; both take the place of those in the config's
+// keys_dir. Waits 15 s at most, or until *stopping is set (RESULT_CLOSED).
+enum result enrol_again(const struct link_config *config, const struct server_address *server,
+                        const atomic_bool *stopping, struct error *err);
 
 // Asks the server at host:port for a certificate with a one-time code and writes the key files.
 enum result link_enrol(const char *host, int port, const char *code, const char *station,

@@ -313,7 +313,6 @@ static void release(struct link *link) {
     ring_destroy(&link->arrivals);
     close(link->arrival_fd);
     pthread_mutex_destroy(&link->lock);
-    free((char *)link->config.host);
     free((char *)link->config.keys_dir);
     free((char *)link->config.station);
     free((char *)link->config.software);
@@ -323,7 +322,6 @@ static void release(struct link *link) {
 static struct link *prepare(const struct link_config *config) {
     struct link *link = alloc(1, sizeof *link);
     link->config = *config;
-    link->config.host = alloc_text(config->host);
     link->config.keys_dir = alloc_text(config->keys_dir);
     link->config.station = alloc_text(config->station);
     link->config.software = alloc_text(config->software);
@@ -340,10 +338,11 @@ static struct link *prepare(const struct link_config *config) {
     return link;
 }
 
-static bool may_renew(void *user) {
+static bool may_renew(void *user, struct server_address *out_server) {
     struct link *link = user;
     pthread_mutex_lock(&link->lock);
     bool welcomed = link->status.welcomed;
+    *out_server = link->status.server;
     pthread_mutex_unlock(&link->lock);
     return welcomed;
 }
@@ -360,7 +359,9 @@ static void *serve(void *link) {
 enum result link_create(const struct link_config *config, struct link **out_link,
                         struct error *err) {
     struct link *link = prepare(config);
-    enum result result = trust_init(&link->trust, config->keys_dir, config->host, err);
+    enum result result = trust_init(&link->trust, config->keys_dir, err);
+    for (int i = 0; i < config->server_count && result == RESULT_OK; i++)
+        result = trust_expect(&link->trust, config->servers[i].host, err);
     if (result == RESULT_OK)
         result = control_init(link, err);
     if (result != RESULT_OK) {

@@ -1,6 +1,7 @@
 // A station's connection to its server: control connection, sealed datagrams where they pass,
 // frames in the control connection where they do not, and back again; the offset between the two
-// clocks; reconnecting with back-off. A thread of its own serves the control connection.
+// clocks; another server where one is lost or names it; reconnecting with back-off. A thread of its
+// own serves the control connection.
 #pragma once
 
 #include "link/certificate.h"
@@ -26,7 +27,8 @@ struct link_status {
     uint64_t frames_sent;
     uint64_t replies; // to frames of ours, each counted once
     uint64_t unknown_messages;
-    int64_t server_until_utc_s; // when the server's certificate ends; 0: none was good yet
+    int64_t server_until_utc_s;   // when the server's certificate ends; 0: none was good yet
+    struct server_address server; // that serves the station, or is tried
     char session_case[64];
     arthron_SessionState state;
     char refusal[256]; // what the server last said, empty: nothing
@@ -38,6 +40,7 @@ struct link_status {
 // The session as the server last told it.
 struct link_session {
     uint64_t connection; // as link_status.connects
+    struct server_address server;
     arthron_SessionState state;
     char case_name[64];
     uint64_t case_hash;

@@ -9,6 +9,7 @@
 #include "link/path.h"
 #include "link/pings.h"
 #include "link/renewal.h"
+#include "link/servers.h"
 #include "link/trust.h"
 #include "link/udp.h"
 
@@ -41,8 +42,13 @@ struct arrival {
 struct control_connection {
     struct lws_context *context;
     struct lws *socket; // NULL: not connected
-    lws_sorted_usec_list_t retry;
+    lws_sorted_usec_list_t retry, patience;
     uint16_t attempts;
+    struct servers servers;
+    bool connecting; // or connected: how it ends decides what is tried next
+    bool decided;    // a message said it before: next_ms
+    bool was_silent;
+    int next_ms;        // as of servers_lost
     struct ring *queue; // of struct control_message: Hello, pings and answers
     struct clock_offset clock;
     bool welcomed;
@@ -55,7 +61,7 @@ struct control_connection {
     uint8_t incoming[WIRE_CHUNK_MAX];
     arthron_Control message;
     arthron_MeshChunk chunk;
-    char trouble[256]; // last logged
+    char trouble[SERVERS_MAX + 1][256]; // last logged, by servers.present
 };
 
 // The caller's thread only.

@@ -7,6 +7,7 @@
 #define PING_NS NS_PER_S
 #define REST_PING_MOST_NS (8 * NS_PER_S)
 #define UNANSWERED_NS (4 * NS_PER_S)
+#define UNANSWERED_BESIDE_OTHER_NS (1900 * NS_PER_MS) // looked at each second, before the ping
 #define SILENCE_BESIDE_DATAGRAMS_NS (60 * NS_PER_S)
 
 void pings_begin(struct pings *p, int64_t now_ns) {
@@ -42,7 +43,8 @@ void pings_answered(struct pings *p, int64_t now_ns) {
     p->unanswered_ns = 0;
 }
 
-bool pings_are_missed(const struct pings *p, bool has_datagrams, int64_t now_ns) {
-    return p->unanswered_ns && now_ns - p->unanswered_ns > UNANSWERED_NS &&
+bool pings_are_missed(const struct pings *p, bool has_datagrams, bool has_other, int64_t now_ns) {
+    int64_t patience_ns = has_other ? UNANSWERED_BESIDE_OTHER_NS : UNANSWERED_NS;
+    return p->unanswered_ns && now_ns - p->unanswered_ns > patience_ns &&
            (!has_datagrams || now_ns - p->answered_ns > SILENCE_BESIDE_DATAGRAMS_NS);
 }

@@ -23,5 +23,6 @@ int64_t pings_next_ns(const struct pings *pings);
 void pings_answered(struct pings *pings, int64_t now_ns);
 
 // has_datagrams: frames are answered by datagram, so the session lives without this connection for
-// a while.
-bool pings_are_missed(const struct pings *pings, bool has_datagrams, int64_t now_ns);
+// a while. has_other: there is another server, so a silent one is given up within 3 s.
+bool pings_are_missed(const struct pings *pings, bool has_datagrams, bool has_other,
+                      int64_t now_ns);

@@ -52,20 +52,21 @@ static void warn_once_a_day(struct renewal *r, int64_t left_s, const char *why) 
 
 static void renew_in_time(struct renewal *r) {
     int64_t begin_s, end_s;
+    struct server_address server;
     struct error err;
     if (link_certificate_times(r->config->keys_dir, &begin_s, &end_s, &err) != RESULT_OK)
         return; // look_at_files said so
     int64_t left_s = end_s - clock_utc_ns() / NS_PER_S;
     if (left_s >= RENEWAL_DAYS * DAY_S)
         return;
-    if (!r->handler.may_ask(r->handler.user)) {
+    if (!r->handler.may_ask(r->handler.user, &server)) {
         warn_once_a_day(r, left_s, "no connection to the server");
         return;
     }
     if (clock_now_ns() < r->next_ns)
         return;
     r->next_ns = clock_now_ns() + RETRY_NS;
-    if (enrol_again(r->config, &r->stopping, &err) == RESULT_OK)
+    if (enrol_again(r->config, &server, &r->stopping, &err) == RESULT_OK)
         log_info("link", "the station's certificate was renewed");
     else
         warn_once_a_day(r, left_s, err.text);

@@ -9,10 +9,11 @@
 
 struct renewal;
 
-// None of the three may wait; they come from the thread. The config outlives the renewal.
+// Neither may wait; they come from the thread. The config outlives the renewal.
 struct renewal_handler {
     void *user;
-    bool (*may_ask)(void *user);    // whether the server can be asked now
+    // Whether a server can be asked now, and which.
+    bool (*may_ask)(void *user, struct server_address *out_server);
     void (*on_changed)(void *user); // other files, which can be used
 };
 

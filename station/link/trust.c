@@ -115,23 +115,25 @@ static int verify(X509_STORE_CTX *chain, void *argument) {
     return good == 1;
 }
 
-static enum result expect_host(SSL_CTX *context, const char *host, struct error *err) {
-    X509_VERIFY_PARAM *expected = SSL_CTX_get0_param(context);
-    X509_VERIFY_PARAM_set_hostflags(expected, X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
+enum result trust_expect(struct trust *trust, const char *host, struct error *err) {
+    X509_VERIFY_PARAM *expected = SSL_CTX_get0_param(trust->context);
+    trust->host = host;
+    X509_VERIFY_PARAM_set1_ip(expected, NULL, 0);
+    X509_VERIFY_PARAM_set1_host(expected, NULL, 0);
     if (host[0] && (X509_VERIFY_PARAM_set1_ip_asc(expected, host) == 1 ||
                     X509_VERIFY_PARAM_set1_host(expected, host, 0) == 1))
         return RESULT_OK;
     return fail(err, RESULT_INVALID, "'%s' is neither a host name nor an address", host);
 }
 
-static enum result begin(struct trust *trust, const char *host, struct error *err) {
-    trust->host = host;
+static void begin(struct trust *trust) {
     trust->context = SSL_CTX_new(TLS_client_method());
     NEED(trust->context, "memory");
     SSL_CTX_set_min_proto_version(trust->context, TLS1_3_VERSION);
     SSL_CTX_set_verify(trust->context, SSL_VERIFY_PEER, NULL);
     SSL_CTX_set_cert_verify_callback(trust->context, verify, trust);
-    return expect_host(trust->context, host, err);
+    X509_VERIFY_PARAM_set_hostflags(SSL_CTX_get0_param(trust->context),
+                                    X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
 }
 
 static enum result load_keys(SSL_CTX *context, const struct key_files *files, struct error *err) {
@@ -146,13 +148,11 @@ static enum result load_keys(SSL_CTX *context, const struct key_files *files, st
     return RESULT_OK;
 }
 
-enum result trust_init(struct trust *trust, const char *keys_dir, const char *host,
-                       struct error *err) {
+enum result trust_init(struct trust *trust, const char *keys_dir, struct error *err) {
     *trust = (struct trust){0};
     struct key_files files;
-    enum result result = begin(trust, host, err);
-    if (result == RESULT_OK)
-        result = key_files_find(keys_dir, &files, err);
+    begin(trust);
+    enum result result = key_files_find(keys_dir, &files, err);
     if (result == RESULT_OK)
         result = load_keys(trust->context, &files, err);
     if (result != RESULT_OK)
@@ -162,7 +162,7 @@ enum result trust_init(struct trust *trust, const char *keys_dir, const char *ho
 
 enum result trust_check(const char *keys_dir, struct error *err) {
     struct trust trust;
-    enum result result = trust_init(&trust, keys_dir, "localhost", err);
+    enum result result = trust_init(&trust, keys_dir, err);
     trust_fini(&trust);
     return result;
 }
@@ -175,13 +175,9 @@ enum result trust_renew(struct trust *trust, const char *keys_dir, struct error 
     return result == RESULT_OK ? load_keys(trust->context, &files, err) : result;
 }
 
-enum result trust_init_code(struct trust *trust, const struct code *code, const char *host,
-                            struct error *err) {
+void trust_init_code(struct trust *trust, const struct code *code) {
     *trust = (struct trust){.code = code};
-    enum result result = begin(trust, host, err);
-    if (result != RESULT_OK)
-        trust_fini(trust);
-    return result;
+    begin(trust);
 }
 
 void trust_fini(struct trust *trust) {

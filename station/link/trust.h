@@ -19,12 +19,14 @@ struct trust {
 
 // For a station with a certificate. RESULT_MISSING or RESULT_FORMAT name the file in keys_dir.
 // `trust` must stay where it is until trust_fini.
-enum result trust_init(struct trust *trust, const char *keys_dir, const char *host,
-                       struct error *err);
+enum result trust_init(struct trust *trust, const char *keys_dir, struct error *err);
 
 // For a station that has none yet.
-enum result trust_init_code(struct trust *trust, const struct code *code, const char *host,
-                            struct error *err);
+void trust_init_code(struct trust *trust, const struct code *code);
+
+// Connections to come are to this host, which must stay where it is; before the first one, too.
+// RESULT_INVALID: it can be none.
+enum result trust_expect(struct trust *trust, const char *host, struct error *err);
 
 // Whether the files in keys_dir can be used; RESULT_MISSING or RESULT_FORMAT name the one at fault.
 enum result trust_check(const char *keys_dir, struct error *err);

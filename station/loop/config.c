@@ -9,26 +9,11 @@
 #include <string.h>
 #include <unistd.h>
 
-bool station_parse_server(const char *text, char *out_host, size_t host_size, int *out_port) {
-    const char *colon = strrchr(text, ':');
-    int64_t port;
-    if (!colon || colon == text || !number_int(colon + 1, 1, 65535, &port))
-        return false;
-    bool bracketed = text[0] == '[' && colon[-1] == ']';
-    const char *start = text + bracketed;
-    size_t length = (size_t)(colon - text) - 2 * (size_t)bracketed;
-    if (!length || length >= host_size)
-        return false;
-    memcpy(out_host, start, length);
-    out_host[length] = '\0';
-    *out_port = (int)port;
-    return true;
-}
-
 static bool take_server(void *target, const char *rest, const char *value) {
     (void)rest;
     struct station_config *c = target;
-    return station_parse_server(value, c->host, sizeof c->host, &c->port);
+    c->server_count = servers_parse(value, c->servers);
+    return c->server_count > 0;
 }
 
 // Names of origins, separated by blanks or commas.
@@ -132,7 +117,8 @@ static void *find_device(void *user, const char *name, struct error *err) {
 
 static const struct setting_key station_keys[] = {
     {"name", SETTING_TEXT, SETTING_IN(struct station_config, name)},
-    {"server", .take = take_server, .wanted = "HOST:PORT, the port from 1 to 65535"},
+    {"server", .take = take_server,
+     .wanted = "HOST:PORT, the port from 1 to 65535, or up to 8 of them between commas"},
     {"keys", SETTING_PATH, SETTING_IN(struct station_config, keys_dir)},
     {"rate_hz", SETTING_NUMBER, SETTING_IN(struct station_config, rate_hz), 1, 2000},
     {"datagrams", SETTING_SWITCH, SETTING_IN(struct station_config, datagrams)},
@@ -175,7 +161,7 @@ static const struct setting_section sections[] = {
 // ---- the whole ----------------------------------------------------------------------------------
 
 static enum result complete(struct station_config *c, struct error *err) {
-    if (!c->name[0] || !c->host[0] || !c->keys_dir[0])
+    if (!c->name[0] || !c->server_count || !c->keys_dir[0])
         return fail(err, RESULT_MISSING, "[station] needs name, server and keys");
     if (!c->device_count)
         return fail(err, RESULT_MISSING, "the config has no [device NAME]");

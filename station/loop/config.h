@@ -1,6 +1,6 @@
 // The station's config file (INI), read once at the start and never written.
 //
-//   [station]      name, server = HOST:PORT, keys = DIR, rate_hz, datagrams = yes|no,
+//   [station]      name, server = HOST:PORT, ..., keys = DIR, rate_hz, datagrams = yes|no,
 //                  calibration = FILE
 //   [view]         port, origins, token = FILE
 //   [openigtlink]  port, address, rate_hz
@@ -12,6 +12,7 @@
 #include "base/result.h"
 #include "drivers/device.h"
 #include "igtl/server.h"
+#include "link/servers.h"
 #include "loop/calibration.h"
 #include "settings/settings.h"
 #include "view/view.h"
@@ -26,8 +27,8 @@ struct station_device {
 
 struct station_config {
     char name[64];
-    char host[256];
-    int port;
+    int server_count;
+    struct server_address servers[SERVERS_MAX];
     char keys_dir[256];
     double rate_hz;
     bool datagrams;
@@ -64,6 +65,3 @@ enum result station_config_scale(struct station_config *config, const char *devi
                                  double scale, double offset, struct error *err);
 
 struct station_device *station_config_device(struct station_config *config, const char *name);
-
-// "host:port" or "[address]:port"; false where it is not that.
-bool station_parse_server(const char *text, char *out_host, size_t host_size, int *out_port);

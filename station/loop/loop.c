@@ -251,8 +251,7 @@ static arthron_Calibration calibration_from(const struct calibration *calibratio
 
 struct link_config loop_link_config(const struct station_config *config) {
     struct link_config link = {
-        .host = config->host,
-        .port = config->port,
+        .server_count = config->server_count,
         .keys_dir = config->keys_dir,
         .station = config->name,
         .software = "arthron-station " ARTHRON_VERSION,
@@ -262,6 +261,7 @@ struct link_config loop_link_config(const struct station_config *config) {
         .device_count = config->device_count,
         .calibrated = config->calibration.count > 0,
     };
+    memcpy(link.servers, config->servers, sizeof link.servers);
     if (link.calibrated)
         link.calibration = calibration_from(&config->calibration);
     for (int i = 0; i < config->device_count; i++) {

@@ -28,6 +28,7 @@
 #define TIME_OFF_MAX_S 60
 #define UNCERTAINTY_MAX_MS 5.0
 #define ROUND_TRIP_MAX_MS 20.0
+#define OTHER_SERVER_S 3.5 // for each further one, until it is tried
 
 static const char help[] =
     "Usage: arthron-station check --config FILE [--seconds N] [--json]\n"
@@ -289,22 +290,23 @@ static void judge_time(struct check *check, const struct link_status *s) {
 static void judge_server(struct check *check) {
     struct findings *f = &check->findings;
     const struct station_config *c = check->config;
-    struct link_status s = {.welcomed = false};
+    struct link_status s = {.server = c->servers[0]};
     if (check->link)
         link_get_status(check->link, &s);
+    const struct server_address *server = &s.server;
     if (!s.welcomed || !s.clock_known) {
-        findings_add(f, false, "server", advice_for(&s), "%s, port %d: %s", c->host, c->port,
-                     s.refusal[0] ? s.refusal
-                     : s.problem[0]
-                         ? s.problem
-                         : "the server has not answered yet: allow more time with --seconds");
+        findings_add(
+            f, false, "server", advice_for(&s), "%s, port %d: %s", server->host, server->port,
+            s.refusal[0]   ? s.refusal
+            : s.problem[0] ? s.problem
+                           : "the server has not answered yet: allow more time with --seconds");
         return;
     }
     judge_time(check, &s);
     double uncertainty_ms = (double)s.clock_uncertainty_ns / 1e6;
     double round_trip_ms = (double)s.round_trip_ns / 1e6;
-    findings_add(f, true, "server", NULL, "%s, port %d: connected, case %s", c->host, c->port,
-                 s.session_case);
+    findings_add(f, true, "server", NULL, "%s, port %d: connected, case %s", server->host,
+                 server->port, s.session_case);
     int64_t days = (s.server_until_utc_s - clock_utc_ns() / NS_PER_S) / DAY_S;
     findings_add(f, days >= CERTIFICATE_DAYS, "server's certificate",
                  "run arthron-server keys renew on the server", "good for %" PRId64 " days", days);
@@ -385,6 +387,18 @@ static void judge(struct check *check) {
     judge_openigtlink(check);
 }
 
+// A silent server takes its time before the next one is tried.
+static void wait_for_others(struct check *check) {
+    struct link_status s;
+    double patience_s = OTHER_SERVER_S * (check->config->server_count - 1);
+    for (int64_t end_ns = clock_now_ns() + (int64_t)(patience_s * 1e9);
+         check->link && clock_now_ns() < end_ns; look(check, 0.05)) {
+        link_get_status(check->link, &s);
+        if (s.welcomed && s.clock_known)
+            return;
+    }
+}
+
 static void examine(struct check *check, const char *path, double seconds) {
     struct error err;
     enum result result = station_config_load(path, NULL, 0, &check->config, &err);
@@ -396,6 +410,7 @@ static void examine(struct check *check, const char *path, double seconds) {
         return;
     }
     look(check, seconds);
+    wait_for_others(check);
     judge(check);
 }
 

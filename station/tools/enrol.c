@@ -1,7 +1,7 @@
 #include "base/argument.h"
 #include "base/log.h"
 #include "link/link.h"
-#include "loop/config.h"
+#include "link/servers.h"
 #include "tools/tools.h"
 
 #include <getopt.h>
@@ -20,14 +20,13 @@ static const char help[] =
 static const char program[] = "arthron-station enrol";
 
 static int enrol(const char *server, const char *code, const char *name, const char *keys) {
-    char host[256];
-    int port;
+    struct server_address at;
     struct error err;
-    if (!station_parse_server(server, host, sizeof host, &port)) {
+    if (!server_parse(server, &at)) {
         log_error("station", "the server's address must be HOST:PORT, not %s", server);
         return 2;
     }
-    enum result result = link_enrol(host, port, code, name, keys, &err);
+    enum result result = link_enrol(at.host, at.port, code, name, keys, &err);
     if (result != RESULT_OK) {
         bool needs_code = result == RESULT_REFUSED || result == RESULT_INVALID ||
                           result == RESULT_FORMAT || result == RESULT_CORRUPT;

@@ -273,14 +273,15 @@ static enum result open_rig(struct rig *h, struct error *err) {
         result = sessions_create(&h->config, &never, &h->sessions, err);
     if (result == RESULT_OK)
         result = enrol(h, err);
-    struct link_config link = {.host = host,
-                               .port = h->config.port,
+    struct link_config link = {.server_count = 1,
+                               .servers = {{.port = h->config.port}},
                                .keys_dir = h->station_keys,
                                .station = STATION,
                                .software = "arthron-bench",
                                .datagrams = true,
                                .device_count = 1,
                                .devices = {{"hand", "simulated"}}};
+    snprintf(link.servers[0].host, sizeof link.servers[0].host, "%s", host);
     return result == RESULT_OK ? link_create(&link, &h->link, err) : result;
 }
 

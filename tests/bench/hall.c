@@ -217,8 +217,8 @@ static enum result join(struct hall *hall, int station, struct error *err) {
     char keys[128], name[32];
     name_station(station, name);
     path_in(hall, name, keys, sizeof keys);
-    struct link_config config = {.host = "127.0.0.1",
-                                 .port = hall->port,
+    struct link_config config = {.server_count = 1,
+                                 .servers = {{"127.0.0.1", hall->port}},
                                  .keys_dir = keys,
                                  .station = name,
                                  .software = "arthron-bench",

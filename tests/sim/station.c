@@ -212,9 +212,9 @@ static void *run(void *user) {
 static void configure(struct sim_station *s, int station) {
     struct station_config *c = s->config = alloc(1, sizeof *c);
     snprintf(c->name, sizeof c->name, "room-%d", station + 1);
-    snprintf(c->host, sizeof c->host, "localhost");
+    c->servers[0] = (struct server_address){"localhost", 4700};
+    c->server_count = 1;
     snprintf(c->keys_dir, sizeof c->keys_dir, "/nowhere");
-    c->port = 4700;
     c->rate_hz = STATION_RATE_HZ;
     c->datagrams = true;
     c->view.port = 1;

@@ -133,6 +133,13 @@ void lws_sul_schedule(struct lws_context *context, int thread, lws_sorted_usec_l
     stir(context);
 }
 
+void lws_sul_cancel(lws_sorted_usec_list_t *timer) {
+    for (struct lws_context *c = contexts; c; c = c->next)
+        for (int i = 0; i < TIMERS_MAX; i++)
+            if (c->timers[i] == timer)
+                c->timers[i] = NULL;
+}
+
 int lws_retry_sul_schedule(struct lws_context *context, int thread, lws_sorted_usec_list_t *timer,
                            const lws_retry_bo_t *retry, sul_cb_t run, uint16_t *tries) {
     int last = retry->retry_ms_table_count - 1;

@@ -22,12 +22,17 @@
 
 static char nothing; // what stands for a thing that is never looked at
 
-enum result __wrap_trust_init(struct trust *trust, const char *dir, const char *host,
-                              struct error *err);
-enum result __wrap_trust_init(struct trust *trust, const char *dir, const char *host,
-                              struct error *err) {
-    (void)dir, (void)host, (void)err;
+enum result __wrap_trust_init(struct trust *trust, const char *dir, struct error *err);
+enum result __wrap_trust_init(struct trust *trust, const char *dir, struct error *err) {
+    (void)dir, (void)err;
     *trust = (struct trust){0};
+    return RESULT_OK;
+}
+
+enum result __wrap_trust_expect(struct trust *trust, const char *host, struct error *err);
+enum result __wrap_trust_expect(struct trust *trust, const char *host, struct error *err) {
+    (void)err;
+    trust->host = host;
     return RESULT_OK;
 }
 

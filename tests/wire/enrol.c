@@ -83,8 +83,8 @@ static void keep_aside(const char *dir, const char *aside) {
 static struct link *start_link(const char *keys) {
     struct error err;
     struct link *link;
-    struct link_config config = {.host = "localhost",
-                                 .port = test_server.port,
+    struct link_config config = {.server_count = 1,
+                                 .servers = {{"localhost", test_server.port}},
                                  .keys_dir = keys,
                                  .station = "bert",
                                  .software = "test"};

@@ -31,8 +31,8 @@ static int tear_down(void **state) {
 }
 
 static struct link *link_to(const char *host, const char *keys_dir) {
-    struct link_config config = {.host = host,
-                                 .port = test_server.port,
+    struct link_config config = {.server_count = 1,
+                                 .servers = {{.port = test_server.port}},
                                  .keys_dir = keys_dir,
                                  .station = "anna",
                                  .software = "test",
@@ -41,6 +41,7 @@ static struct link *link_to(const char *host, const char *keys_dir) {
                                  .devices = {{"arm", "modbus"}}};
     struct link *link;
     struct error err;
+    snprintf(config.servers[0].host, sizeof config.servers[0].host, "%s", host);
     if (link_create(&config, &link, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     return link;
@@ -331,8 +332,8 @@ static void a_missing_key_is_named(void **state) {
     char path[160];
     struct error err;
     struct link *link;
-    struct link_config config = {.host = "localhost",
-                                 .port = test_server.port,
+    struct link_config config = {.server_count = 1,
+                                 .servers = {{"localhost", test_server.port}},
                                  .keys_dir = anna,
                                  .station = "anna",
                                  .software = "test"};

@@ -57,8 +57,8 @@ static int tear_down(void **state) {
 }
 
 static struct link *new_link(void) {
-    struct link_config config = {.host = "localhost",
-                                 .port = test_server.port,
+    struct link_config config = {.server_count = 1,
+                                 .servers = {{"localhost", test_server.port}},
                                  .keys_dir = anna,
                                  .station = "anna",
                                  .software = "test",

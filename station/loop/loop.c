@@ -32,6 +32,7 @@ struct loop {
     struct openigtlink *openigtlink; // NULL: there is none
     struct teller *teller;
     uint64_t session_seen;
+    char server[SERVER_TEXT_SIZE]; // that has the session
     uint64_t attempt_seen;
     struct shown_attempt attempt;
     uint64_t sent, warped;
@@ -56,6 +57,7 @@ static void follow_session(struct loop *loop) {
     if (s.connection != loop->connection)
         loop->lost.told = loop->late.told = 0;
     loop->connection = s.connection;
+    server_write(&s.server, loop->server);
     predict_connection(loop->predict, s.connection);
     predict_session(loop->predict, s.state, s.case_name, s.case_hash, s.has_knee ? &s.knee : NULL);
 }
@@ -77,6 +79,7 @@ static void show(struct loop *loop) {
         return;
     predict_view(loop->predict, &message);
     shown_attempt_put(&loop->attempt, &message);
+    memcpy(message.server, loop->server, sizeof message.server);
     if (viewed)
         view_show(loop->view, &message);
     if (outside)

@@ -173,13 +173,19 @@ static void a_name_that_is_not_the_certificates_is_refused(void **state) {
     assert_int_equal(atomic_load(&test_server.hellos), 0);
 }
 
-static void what_the_handler_refuses_is_refused_with_its_reason(void **state) {
+static void what_the_handler_refuses_is_refused_with_its_words(void **state) {
     (void)state;
-    test_server.refuses = true;
+    test_server.refusal = &(arthron_Refusal){arthron_Refusal_Reason_ELSEWHERE, "", "b:4810", 250};
     struct websocket *socket = call_as(anna);
     arthron_Control message = good_hello();
     tell(socket, &message);
-    expect_refusal(socket, arthron_Refusal_Reason_BUSY);
+    assert_true(hear(socket, &message));
+    assert_int_equal(message.which_message, arthron_Control_refusal_tag);
+    assert_int_equal(message.message.refusal.reason, arthron_Refusal_Reason_ELSEWHERE);
+    assert_string_equal(message.message.refusal.text, "the request was refused");
+    assert_string_equal(message.message.refusal.server, "b:4810");
+    assert_int_equal(message.message.refusal.retry_ms, 250);
+    websocket_close(socket);
     assert_int_equal(atomic_load(&test_server.gone), 0);
 }
 
@@ -653,7 +659,7 @@ int main(void) {
         WITH_SERVER(a_hello_in_three_fragments_is_one_message),
         WITH_SERVER(a_version_that_is_not_ours_is_refused),
         WITH_SERVER(a_name_that_is_not_the_certificates_is_refused),
-        WITH_SERVER(what_the_handler_refuses_is_refused_with_its_reason),
+        WITH_SERVER(what_the_handler_refuses_is_refused_with_its_words),
         WITH_SERVER(a_silent_peer_is_refused_in_time),
         WITH_SERVER(a_connection_that_does_not_become_a_websocket_is_closed),
         WITH_SERVER(nothing_is_heard_before_hello),

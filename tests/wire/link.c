@@ -261,7 +261,7 @@ static void a_link_comes_back_when_the_server_does(void **state) {
 
 static void what_the_server_refuses_is_kept(void **state) {
     (void)state;
-    test_server.refuses = true;
+    test_server.refusal = &(arthron_Refusal){arthron_Refusal_Reason_BUSY, "full", "", 0};
     struct link *link = link_to("localhost", anna);
     for (int i = 0; i < 5000 && !status_of(link).refusal[0]; i++)
         usleep(2000);

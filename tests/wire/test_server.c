@@ -24,8 +24,9 @@ static void tell_session(struct test_server *d, struct control_peer peer) {
 static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *welcome, arthron_Refusal *refusal) {
     struct test_server *d = user;
-    if (d->refuses) {
-        *refusal = (arthron_Refusal){arthron_Refusal_Reason_BUSY, "full"};
+    if (d->refusal) {
+        *refusal = *d->refusal;
+        atomic_fetch_add(&d->refused, 1);
         return RESULT_REFUSED;
     }
     pthread_mutex_lock(&d->lock);
@@ -35,6 +36,8 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
     strcpy(welcome->case_name, "healthy");
     welcome->case_hash = d->case_hash;
     welcome->hold_ms = 100;
+    welcome->token = d->token;
+    memcpy(welcome->session_id, d->session_id, sizeof welcome->session_id);
     tell_session(d, peer);
     if (d->keys_at_hello) {
         arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};

@@ -18,7 +18,9 @@ struct test_server {
     int port; // the same after test_server_restart
     int64_t hello_timeout_ns;
     const char *only_host;          // in the server\'s certificate; NULL: localhost and 127.0.0.1
-    bool refuses;                   // answers Hello with BUSY, "full"
+    const arthron_Refusal *refusal; // answers Hello with it, NULL: with Welcome
+    uint64_t token;                 // in Welcome
+    uint8_t session_id[16];         // too
     arthron_UdpKeys *keys_at_hello; // sent behind Welcome, NULL: none
     uint64_t case_hash;
     const struct knee_frame *knee; // of the session, NULL: it is not told
@@ -30,7 +32,7 @@ struct test_server {
     struct control_peer peer;
     int64_t offset_ns, uncertainty_ns, rtt_ns;
     uint64_t challenge; // last UdpPath answered
-    atomic_int hellos, clocks, frames, messages, gone;
+    atomic_int hellos, refused, clocks, frames, messages, gone;
 };
 
 void test_server_open(struct test_server *test_server); // folder, authority, control room

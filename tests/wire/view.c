@@ -134,6 +134,7 @@ static arthron_View most(void) {
     arthron_Pose place = {1, 1, 1, 1, 1, 1, 1};
     arthron_ViewAttempt *a = &m.attempt;
     fill(m.case_name, sizeof m.case_name);
+    fill(m.server, sizeof m.server);
     for (int i = 0; i < 3; i++)
         m.bodies[m.bodies_count++] = (arthron_ViewBody){2, 2, true, place, true, place};
     for (int i = 0; i < 8; i++) {

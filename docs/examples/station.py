@@ -277,9 +277,10 @@ class Station:
                          software="example station", devices=[pb.Device(name="hands", driver="example")],
                          connection=int.from_bytes(os.urandom(8), "little"))
         self.say(hello=hello)
-        self.welcome = pb.Control.FromString(self.socket.receive(15)).welcome
+        answer = pb.Control.FromString(self.socket.receive(15))
+        self.welcome = answer.welcome
         if not self.welcome.version:
-            raise ConnectionError("the server does not welcome this station")
+            raise ConnectionError(answer.refusal.text or "the server does not welcome this station")
 
     def close(self):
         self.socket.close()

@@ -40,7 +40,8 @@ static const char help[] =
     "The server opens no session.\n"
     "\n"
     "  -c, --config FILE  the station's config\n"
-    "  -t, --seconds N    how long to read the devices; 3\n"
+    "  -t, --seconds N    how long to read the devices; 3. It takes longer if the first of several\n"
+    "                     servers is silent\n"
     "  -j, --json         print JSON\n"
     "      --help         show this\n";
 

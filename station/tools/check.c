@@ -40,8 +40,7 @@ static const char help[] =
     "The server opens no session.\n"
     "\n"
     "  -c, --config FILE  the station's config\n"
-    "  -t, --seconds N    how long to read the devices; 3. It takes longer if the first of several\n"
-    "                     servers is silent\n"
+    "  -t, --seconds N    how long to read the devices; 3. A silent server takes 3 s more\n"
     "  -j, --json         print JSON\n"
     "      --help         show this\n";
 

@@ -9,7 +9,8 @@ import signal
 import time
 import unittest
 
-from arthron import SystemTest, call, call_json, free_port, program, wait_until
+from arthron import SystemTest, call, call_json, free_port, wait_until
+from websocket import Viewer
 
 SILENCE_S = 4  # that a server may be silent until the station is at the next one
 
@@ -18,6 +19,7 @@ class Servers(SystemTest):
     def setUp(self):
         super().setUp()
         self.ports = {"a": self.port, "b": free_port()}
+        self.view_port = free_port()
         self.server_config()
         self.servers = {}
         for name in self.ports:
@@ -42,7 +44,8 @@ class Servers(SystemTest):
         with open(path) as f:
             text = f.read()
         both = ", ".join(f"127.0.0.1:{port}" for port in self.ports.values())
-        return self.write("room-1.ini", text.replace(f"server = 127.0.0.1:{self.port}\n", f"server = {both}\n"))
+        text = text.replace(f"server = 127.0.0.1:{self.port}\n", f"server = {both}\n")
+        return self.write("room-1.ini", text + f"[view]\nport = {self.view_port}\n")
 
     def session_at(self, name):
         sessions = call_json("arthron-server", "session", "--socket", self.socket_of(name), "list")["sessions"]
@@ -55,6 +58,10 @@ class Servers(SystemTest):
         wait_until("the station at " + name, lambda: self.is_at(name))
         steps = self.session_at(name)["steps"]
         wait_until("steps", lambda: self.session_at(name)["steps"] > steps + 20)
+        with open(self.path("keys-room-1/view.token")) as f:
+            viewer = Viewer(self.view_port, f.read().strip())
+        self.assertEqual(viewer.next()["server"], f"127.0.0.1:{self.ports[name]}")
+        viewer.close()
 
     def welcomes(self, station):
         """When, since 1970, and by which server."""

@@ -85,6 +85,7 @@ def view(data):
         "number": struct.unpack("<Q", values[1])[0],
         "state": ("waiting", "running", "paused", "closed")[values.get(3, 0)],
         "case": values.get(4, b"").decode(),
+        "server": values.get(11, b"").decode(),
         "bodies": [{"validity": VALIDITIES[b.get(2, 0)], "pose": pose(b[3]), "virtual": pose(b[4])} for b in bodies],
         "instruments": {one(v).get(1, 0): instrument(v) for n, v in fields(data) if n == 7},
         "attempt": attempt(values[10]) if 10 in values else None,

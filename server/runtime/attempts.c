@@ -87,9 +87,9 @@ static bool begin(struct worker *worker, struct station_runtime *station,
                   struct session_attempt *attempt) {
     struct session_runtime *session = station->session;
     struct trace_attempt begun;
-    if (!session || session->serial != attempt->session || session->attempt || station->ending ||
-        session->attempts == TRACE_ATTEMPTS_MAX || !trace_takes_attempts(session->trace) ||
-        !end_lost(session))
+    if (!worker_may_serve(worker) || !session || session->serial != attempt->session ||
+        session->attempt || station->ending || session->attempts == TRACE_ATTEMPTS_MAX ||
+        !trace_takes_attempts(session->trace) || !end_lost(session))
         return false;
     prepare(worker, station);
     attempt->number = session->attempts + 1;

@@ -5,8 +5,11 @@
 
 #include <string.h>
 
-void capture_begin(struct station_runtime *station) {
-    keeping_begin(&station->keeping, station->session->last_ns, 0);
+void capture_begin(const struct worker *worker, struct station_runtime *station) {
+    if (worker->runtime->config.keep_at_once)
+        keeping_begin_at_once(&station->keeping);
+    else
+        keeping_begin(&station->keeping, station->session->last_ns, 0);
     atomic_store(&station->kept_bytes, 0);
 }
 

@@ -4,7 +4,8 @@
 
 #include "runtime/parts.h"
 
-void capture_begin(struct station_runtime *station); // a session begins
+// A session begins.
+void capture_begin(const struct worker *worker, struct station_runtime *station);
 // Behind each step, before its job is given away. end: the trace's position just behind the step.
 void capture_step(struct worker *worker, struct station_runtime *station,
                   const struct session_output *output, uint64_t end);

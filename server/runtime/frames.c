@@ -64,6 +64,13 @@ static bool is_in_share(struct station_runtime *station, int64_t received_ns) {
     return false;
 }
 
+// By its own time: what waited in a socket is old, however late it is read.
+static bool may_be_taken(const struct worker *worker, const struct station_runtime *station,
+                         const struct frame *frame) {
+    int64_t offset_ns = clock_bridge_now(&station->bridge, station->connection.clock_offset_ns);
+    return worker_may_serve(worker) || clock_now_ns() - (frame->time_ns + offset_ns) <= FRESH_NS;
+}
+
 // On true the frame is the newest of its connection, with what late ones told.
 static bool accept_frame(struct worker *worker, struct station_runtime *station,
                          struct frame *frame, int64_t received_ns, bool in_share) {
@@ -74,6 +81,8 @@ static bool accept_frame(struct worker *worker, struct station_runtime *station,
     uint64_t lost;
     enum frame_place place = frame_order_note(&station->order, frame->number, received_ns, &lost);
     count_lost(station, lost);
+    if ((place == FRAME_NEWEST || place == FRAME_LATE) && !may_be_taken(worker, station, frame))
+        place = FRAME_OLD;
     switch (place) {
     case FRAME_NEWEST:
         if (!in_share)

@@ -21,6 +21,7 @@ struct keeper_task {
 };
 
 struct keeper {
+    const struct runtime_config *config;
     pthread_t thread;
     pthread_mutex_t lock; // of all below; held for moments
     pthread_cond_t work;
@@ -52,6 +53,8 @@ static void write_image(struct keeper *k, struct session_image *image) {
         log_warning("sessions", "a session's state is not kept, so a restart takes longer: %s",
                     err.text);
     k->failing = failed;
+    if (!failed && k->config->kept)
+        k->config->kept(k->config->user, image->trace);
     free(image->operation.data);
     image->operation = (struct kept){0};
     atomic_store(&image->busy, false);
@@ -82,8 +85,9 @@ static void *work(void *argument) {
     return NULL;
 }
 
-struct keeper *keeper_create(void) {
+struct keeper *keeper_create(const struct runtime_config *config) {
     struct keeper *k = alloc(1, sizeof *k);
+    k->config = config;
     k->end = &k->first;
     pthread_mutex_init(&k->lock, NULL);
     pthread_cond_init(&k->work, NULL);

@@ -15,7 +15,7 @@ struct session_image {
 
 struct keeper;
 
-struct keeper *keeper_create(void);
+struct keeper *keeper_create(const struct runtime_config *config); // must outlive it
 // Writes what it was given; joins the thread. NULL inside is fine.
 void keeper_destroy(struct keeper **keeper);
 

@@ -14,6 +14,10 @@ void keeping_begin(struct keeping *keeping, int64_t time_ns, uint64_t bytes) {
     *keeping = (struct keeping){.next_ns = time_ns + (apart_ns > LEAST_NS ? apart_ns : LEAST_NS)};
 }
 
+void keeping_begin_at_once(struct keeping *keeping) {
+    *keeping = (struct keeping){.next_ns = INT64_MIN, .steps = STEPS};
+}
+
 bool keeping_is_due(struct keeping *keeping, const struct session_output *output) {
     keeping->steps++;
     keeping->jobs += output->landed.job != 0;

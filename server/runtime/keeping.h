@@ -11,5 +11,6 @@ struct keeping {
 
 // bytes: of the state that was kept last; 0: none. So a session writes no more than 1 MB a second.
 void keeping_begin(struct keeping *keeping, int64_t time_ns, uint64_t bytes);
+void keeping_begin_at_once(struct keeping *keeping); // the next step is due
 // The session's next step: whether to keep it.
 bool keeping_is_due(struct keeping *keeping, const struct session_output *output);

@@ -1,6 +1,7 @@
 #include "runtime/parts.h"
 
 #include "base/check.h"
+#include "base/clock.h"
 
 #include <errno.h>
 #include <unistd.h>
@@ -16,6 +17,14 @@ void wake_fd(int fd) {
     uint64_t one = 1;
     ssize_t written = write(fd, &one, sizeof one);
     CHECK(written == sizeof one || errno == EAGAIN);
+}
+
+bool worker_may_serve(const struct worker *worker) {
+    const atomic_int_fast64_t *until_ns = worker->runtime->config.serve_until_ns;
+    if (!until_ns)
+        return true;
+    int64_t before_ns = atomic_load_explicit(until_ns, memory_order_acquire);
+    return clock_now_ns() < before_ns;
 }
 
 void worker_notify(struct worker *worker, const struct runtime_notice *notice) {

@@ -119,13 +119,20 @@ struct station_runtime {
     struct keeping keeping;
 };
 
-enum request_kind { REQUEST_ATTACH, REQUEST_INPUT, REQUEST_REMARK, REQUEST_ATTEMPT, REQUEST_LEAVE };
+enum request_kind {
+    REQUEST_ATTACH,
+    REQUEST_HAND_OVER,
+    REQUEST_INPUT,
+    REQUEST_REMARK,
+    REQUEST_ATTEMPT,
+    REQUEST_LEAVE
+};
 
 // From the owner of the sessions to a worker.
 struct worker_request {
     enum request_kind kind;
     int station;
-    uint64_t ticket; // all but REQUEST_ATTACH
+    uint64_t ticket; // all but REQUEST_ATTACH and REQUEST_HAND_OVER
     union {
         struct session_runtime *session; // REQUEST_ATTACH
         enum input_kind input;           // REQUEST_INPUT
@@ -198,6 +205,9 @@ size_t worker_room(const struct runtime *runtime, int worker, size_t each, size_
 
 // Wakes a thread that polls an eventfd.
 void wake_fd(int fd);
+
+// Whether it may serve unasked. A process that was stopped may go on behind that time.
+bool worker_may_serve(const struct worker *worker);
 
 // The worker's thread: for the owner of the sessions.
 void worker_notify(struct worker *worker, const struct runtime_notice *notice);

@@ -69,7 +69,7 @@ enum result runtime_create(const struct runtime_config *config, struct runtime *
     r->stations = alloc((size_t)config->station_count + 1, sizeof *r->stations);
     for (int i = 0; i < config->station_count; i++)
         open_station(r, i);
-    r->keeper = keeper_create();
+    r->keeper = keeper_create(&r->config);
     r->workers = alloc((size_t)config->workers, sizeof *r->workers);
     r->worker_count = config->workers;
     for (int i = 0; i < config->workers && result == RESULT_OK; i++)
@@ -202,6 +202,10 @@ void runtime_attach(struct runtime *r, int station, struct session_runtime *sess
     bool taken = request(r, &(struct worker_request){
                                 .kind = REQUEST_ATTACH, .station = station, .session = session});
     CHECK(taken);
+}
+
+bool runtime_hand_over(struct runtime *r, int station) {
+    return request(r, &(struct worker_request){.kind = REQUEST_HAND_OVER, .station = station});
 }
 
 bool runtime_input(struct runtime *r, int station, enum input_kind kind, uint64_t ticket) {

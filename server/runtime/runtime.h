@@ -47,6 +47,9 @@ void runtime_mesh_message(struct runtime *runtime, int station, struct control_p
 
 // The station must have no session. The runtime owns it until NOTICE_ENDED.
 void runtime_attach(struct runtime *runtime, int station, struct session_runtime *session);
+// Gives the station's session back open (NOTICE_ENDED, END_HANDED_OVER), with a cut that is on its
+// way not landed. Nothing happens if it has none. False if the worker has too much to do.
+bool runtime_hand_over(struct runtime *runtime, int station);
 // NOTICE_TAKEN with the ticket answers these two, and NOTICE_UNDONE with the same an INPUT_UNDO
 // that was taken. None is taken while another is on its way. False if the worker has too much to
 // do.

@@ -43,7 +43,7 @@ void session_begin(struct worker *worker, struct station_runtime *station,
     memset(station->slowed_told_ns, 0, sizeof station->slowed_told_ns);
     station->events = 0;
     markers_begin(station);
-    capture_begin(station);
+    capture_begin(worker, station);
     attempts_begin(worker, station);
     station->last_step_ns = session->last_ns;
     newest_put(station->metrics, &session->metrics);

@@ -83,12 +83,20 @@ bool step_is_deserted(const struct worker *worker, const struct station_runtime 
            clock_now_ns() - station->last_frame_ns > worker->runtime->config.wait_s * NS_PER_S;
 }
 
+bool step_goes_on(const struct worker *worker, const struct station_runtime *station) {
+    return worker_may_serve(worker) || clock_now_ns() - station->last_frame_ns <= FRESH_NS;
+}
+
 static void retire(struct worker *worker, struct station_runtime *station, enum session_end end) {
     cut_worker_close(worker->cut_worker, station->index, station->session, end);
     station->session = NULL;
 }
 
 void step_hand_over(struct worker *worker, struct station_runtime *station) {
+    struct job_result **pending = &station->session->pending;
+    if (*pending)
+        cut_worker_release_result(worker->cut_worker, *pending);
+    *pending = NULL;
     retire(worker, station, END_HANDED_OVER);
 }
 
@@ -144,6 +152,8 @@ void step_without_frame(struct worker *worker, struct station_runtime *station,
 
 bool step_end(struct worker *worker, struct station_runtime *station) {
     station->ending = true;
+    if (station->session->pending)
+        step_land_pending(worker, station);
     if (!station->job)
         step_without_frame(worker, station, INPUT_STOP);
     return !station->job;
@@ -196,14 +206,20 @@ static void land(struct worker *worker, struct station_runtime *station,
     notify_undone(worker, station, session, result);
 }
 
-// A session that has ended since takes its results with it. The cut worker releases them.
+// A session that has ended since takes its results with it, and one that does not go on keeps its
+// result. The cut worker releases them.
 void step_results(struct worker *worker) {
     int index;
     uint64_t session;
     struct job_result *result;
     while (cut_worker_take(worker->cut_worker, &index, &session, &result)) {
         struct station_runtime *station = &worker->runtime->stations[index];
-        if (station->session && station->session->serial == session)
+        bool lives = station->session && station->session->serial == session;
+        if (lives && !step_goes_on(worker, station)) {
+            station->session->pending = result;
+            continue;
+        }
+        if (lives)
             land(worker, station, result);
         cut_worker_release_result(worker->cut_worker, result);
     }

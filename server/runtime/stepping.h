@@ -20,14 +20,18 @@ void step_void_undo(struct worker *worker, struct station_runtime *station);
 // A session ends once the cut that is on its way has landed, so that its trace holds all that is
 // shown as cut. False: not yet, and no other cut begins. Ask again after step_results.
 bool step_end(struct worker *worker, struct station_runtime *station);
-// Gives the session back as it is.
+// Gives the session back as it is. The result of a cut that is on its way is dropped.
 void step_hand_over(struct worker *worker, struct station_runtime *station);
 void step_results(struct worker *worker); // lands the results of the cut worker
-// Lands what was cut when the server before this one was killed.
+// Lands what was cut when the server before this one was killed, or while the session stood still.
 void step_land_pending(struct worker *worker, struct station_runtime *station);
 
 // On the session's clock, which is the server's, unless the session began on an earlier server.
 int64_t step_now_ns(const struct station_runtime *station);
+
+// Where its worker may not serve, a session goes on while it has frames no older than this.
+#define FRESH_NS NS_PER_S
+bool step_goes_on(const struct worker *worker, const struct station_runtime *station);
 
 bool step_is_deserted(const struct worker *worker, const struct station_runtime *station);
 

@@ -31,10 +31,17 @@ struct runtime_config {
     double touch_reach_mm; // a tip in contact counts as no farther off the surface than this
     int station_count;
     const struct runtime_station *stations;
+    // Until when this server may serve unasked: monotonic, moved on by the owner of the lease. Then
+    // only fresh frames make steps, and commands are refused. NULL: for ever.
+    const atomic_int_fast64_t *serve_until_ns;
     // Where messages to stations go out: set before a station joins or a session is attached.
     struct control *const *control;
     // Called after each notice, from a worker's or cut worker's thread; must not wait.
     void (*notify)(void *user);
+    bool keep_at_once; // each session's state is kept at its first step that can be, too
+    // Or NULL: a state of the session with this trace is on disk; by the keeper's thread, perhaps
+    // after the session has ended.
+    void (*kept)(void *user, const char *trace);
     void *user;
 };
 
@@ -140,7 +147,7 @@ struct tissue_report {
 enum session_end {
     END_CLOSED,
     END_DESERTED,   // its station stayed away for too long
-    END_HANDED_OVER // it is open: the next server goes on with it
+    END_HANDED_OVER // it is open: another server goes on with it
 };
 
 enum notice_kind {
@@ -159,7 +166,7 @@ struct runtime_notice {
     uint64_t session;         // serial
     enum session_state state; // after it
     uint64_t ticket;          // NOTICE_TAKEN, NOTICE_UNDONE: the request's
-    bool done;                // NOTICE_TAKEN: false where there was no such session, or no room
+    bool done;                // NOTICE_TAKEN: false where it was refused, or there was no room
     struct {                  // NOTICE_UNDONE
         enum job_outcome outcome;
         uint32_t cuts;

@@ -114,10 +114,14 @@ static bool take_input(struct worker *worker, struct station_runtime *station,
     return true;
 }
 
-// Until the cut that is on its way has landed. The cut worker wakes the worker then.
+// Until the cut that is on its way has landed. The cut worker wakes the worker then. What was put
+// off waits until the worker may serve, too.
 static bool put_off_end(struct worker *worker, struct station_runtime *station,
                         const struct worker_request *request) {
-    if (request->kind != REQUEST_INPUT || request->input != INPUT_STOP || !station->job)
+    if (request->kind != REQUEST_INPUT || request->input != INPUT_STOP || !station->session)
+        return false;
+    bool may_serve = worker_may_serve(worker);
+    if (station->ending ? may_serve && !station->job : !may_serve || !station->job)
         return false;
     station->ending = true;
     return put(worker, request);
@@ -128,9 +132,11 @@ static bool take_remark(struct station_runtime *station, const struct worker_req
            trace_append_remark(station->session->trace, &request->remark);
 }
 
-// What is answered by NOTICE_TAKEN.
+// What is answered by NOTICE_TAKEN. An attempt that is refused goes back.
 static bool do_request(struct worker *worker, struct station_runtime *station,
                        const struct worker_request *request) {
+    if (request->kind != REQUEST_ATTEMPT && !worker_may_serve(worker))
+        return false;
     switch (request->kind) {
     case REQUEST_INPUT:
         return take_input(worker, station, request);
@@ -150,6 +156,11 @@ static void take_request(struct worker *worker, const struct worker_request *req
     if (request->kind == REQUEST_ATTACH) {
         session_begin(worker, station, request->session);
         make_due(worker, worker_place(worker->runtime, station->index));
+        return;
+    }
+    if (request->kind == REQUEST_HAND_OVER) {
+        if (station->session)
+            step_hand_over(worker, station);
         return;
     }
     if (put_off_end(worker, station, request))
@@ -202,6 +213,10 @@ static void watch_time(struct worker *worker, struct station_runtime *station, i
     publish_trace(station);
     frames_settle(station);
     tell_slowed(worker, station, now_ns);
+    if (station->session->pending && step_goes_on(worker, station))
+        step_land_pending(worker, station);
+    if (!station->session || !worker_may_serve(worker))
+        return;
     int64_t pause_ns = is_at_rest(station, now_ns) ? REST_STEP_NS : EMPTY_STEP_NS;
     if (step_is_deserted(worker, station))
         step_end(worker, station);
@@ -228,7 +243,8 @@ static void look_again(struct worker *worker, const struct station_runtime *stat
 static bool visit(struct worker *worker, struct station_runtime *station) {
     int64_t now_ns = clock_now_ns();
     bool left = frames_take_tcp(worker, station);
-    markers_take(worker, station);
+    if (!station->session || step_goes_on(worker, station))
+        markers_take(worker, station);
     watch_time(worker, station, now_ns);
     look_again(worker, station, now_ns);
     return left;

@@ -167,6 +167,22 @@ static void one_runs_at_a_time_until_it_is_left(void **state) {
     sessions_destroy(&sessions);
 }
 
+static void without_a_lease_none_is_begun_or_left(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_lease(sessions);
+    hall_join(sessions);
+    atomic_store(&hall_serve_until_ns, 0);
+    assert_false(ask_for(sessions, "late")->ok);
+    assert_int_equal(shown(sessions).number, 0);
+    atomic_store(&hall_serve_until_ns, INT64_MAX);
+    begin_task(sessions, "late");
+    atomic_store(&hall_serve_until_ns, 0);
+    assert_false(hall_try(sessions, arthron_Command_Kind_LEAVE)->ok);
+    assert_int_equal(shown(sessions).end, arthron_AttemptState_End_RUNS);
+    sessions_destroy(&sessions);
+}
+
 static void a_reset_and_the_end_of_the_session_stop_it(void **state) {
     (void)state;
     struct sessions *sessions = begin();
@@ -462,6 +478,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_attempt_is_judged_told_and_in_the_trace),
         cmocka_unit_test(one_runs_at_a_time_until_it_is_left),
+        cmocka_unit_test(without_a_lease_none_is_begun_or_left),
         cmocka_unit_test(a_reset_and_the_end_of_the_session_stop_it),
         cmocka_unit_test(what_was_done_before_is_no_part_of_it),
         cmocka_unit_test(a_pause_does_not_count),

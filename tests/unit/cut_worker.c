@@ -1,5 +1,7 @@
 // A session that cuts faster than its jobs are done: what stations are told is what was cut.
+#include "base/clock.h"
 #include "runtime/tissue_delta.h"
+#include "sessions/parts.h"
 #include "test.h"
 #include "trace/replay.h"
 #include "unit/case_knee.h"
@@ -363,6 +365,122 @@ static void a_case_is_changed_whoever_opens_the_session(void **state) {
     sessions_destroy(&sessions);
 }
 
+// ---- a cut on its way ---------------------------------------------------------------------------
+
+// One that stays on its way until hall_let_cuts_go.
+static void hold_a_cut(struct sessions *sessions) {
+    hall_hold_cuts(sessions);
+    for (int i = 0; i < 200; i++)
+        hall_frame(sessions, (vec3){-19, -14 + 28.0 * i / 400, -11});
+    hall_wait_ms(300);
+    assert_true(hall_is_cutting(sessions));
+}
+
+static void without_a_lease_a_cut_lands_with_the_next_fresh_frame(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_lease(sessions);
+    hall_join(sessions);
+    hold_a_cut(sessions);
+    atomic_store(&hall_serve_until_ns, clock_now_ns());
+    hall_wait_ms(1200);
+    uint64_t before = atomic_load(&hall_counts(sessions)->steps);
+    hall_let_cuts_go(sessions);
+    hall_wait_ms(300);
+    assert_int_equal(atomic_load(&hall_counts(sessions)->steps), before);
+    assert_true(hall_is_cutting(sessions));
+    hall_frame(sessions, (vec3){60, 60, 60});
+    for (int i = 0; i < 10000 && atomic_load(&hall_counts(sessions)->steps) < before + 2; i++)
+        hall_wait_ms(1);
+    assert_true(atomic_load(&hall_counts(sessions)->steps) >= before + 2);
+    atomic_store(&hall_serve_until_ns, INT64_MAX);
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    struct tissue_report report = hall_last_tissues(sessions);
+    struct station_status status = hall_status(sessions);
+    sessions_destroy(&sessions);
+    assert_was_cut(status.about.trace, &report);
+}
+
+static void *stop(void *argument) {
+    hall_try(argument, arthron_Command_Kind_STOP);
+    return NULL;
+}
+
+static void a_stop_that_waits_for_a_cut_waits_for_the_lease_too(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    pthread_t thread;
+    hall_lease(sessions);
+    hall_join(sessions);
+    hold_a_cut(sessions);
+    assert_int_equal(pthread_create(&thread, NULL, stop, sessions), 0);
+    hall_wait_ms(200);
+    atomic_store(&hall_serve_until_ns, clock_now_ns());
+    hall_let_cuts_go(sessions);
+    hall_wait_ms(300);
+    assert_int_equal(hall_status(sessions).phase, SLOT_ENDING);
+    atomic_store(&hall_serve_until_ns, INT64_MAX);
+    pthread_join(thread, NULL);
+    assert_int_equal(hall_status(sessions).phase, SLOT_EMPTY);
+    sessions_destroy(&sessions);
+}
+
+static bool has_ended_in(struct sessions *sessions, uint64_t session, int64_t wait_ns) {
+    return station_slot_wait_ended(&sessions->slots[0], session, clock_now_ns() + wait_ns);
+}
+
+static void a_session_is_handed_over_once_its_cut_is_done(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct runtime *runtime = sessions_runtime(sessions);
+    hall_join(sessions);
+    struct station_status before = hall_status(sessions);
+    hold_a_cut(sessions);
+    hall_leave(sessions);
+    assert_true(runtime_hand_over(runtime, 0));
+    assert_false(has_ended_in(sessions, before.about.serial, NS_PER_S / 5));
+    hall_let_cuts_go(sessions);
+    assert_true(has_ended_in(sessions, before.about.serial, 10 * NS_PER_S));
+    assert_true(runtime_hand_over(runtime, 0));
+    hall_wait_ms(100);
+    sessions_destroy(&sessions);
+
+    sessions = hall_open();
+    hall_join(sessions);
+    struct station_status after = hall_status(sessions);
+    assert_string_equal(after.about.trace, before.about.trace);
+    assert_memory_equal(after.session_id, before.session_id, sizeof after.session_id);
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    struct tissue_report report = hall_last_tissues(sessions);
+    sessions_destroy(&sessions);
+    assert_true(report.figures[0].cuts > 0);
+    assert_was_cut(after.about.trace, &report);
+}
+
+static void a_session_that_follows_one_that_was_handed_over_has_none_of_its_cuts(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    for (int i = 0; i < 10; i++) {
+        uint64_t serial = hall_status(sessions).about.serial;
+        hold_a_cut(sessions);
+        assert_true(runtime_hand_over(sessions_runtime(sessions), 0));
+        hall_let_cuts_go(sessions);
+        assert_true(has_ended_in(sessions, serial, 10 * NS_PER_S));
+        station_slot_set_state(&sessions->slots[0], serial, SESSION_CLOSED);
+        hall_command(sessions, arthron_Command_Kind_START);
+        assert_int_not_equal(hall_status(sessions).about.serial, serial);
+    }
+    struct tissue_report whole = hall_last_tissues(sessions);
+    assert_int_equal(whole.figures[0].cuts, 0);
+    hall_shave(sessions);
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    struct tissue_report report = hall_last_tissues(sessions);
+    struct station_status status = hall_status(sessions);
+    sessions_destroy(&sessions);
+    assert_was_cut(status.about.trace, &report);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
@@ -379,6 +497,10 @@ int main(void) {
         cmocka_unit_test(stopping_a_session_that_just_ended_does_not_say_that_it_goes_on),
         cmocka_unit_test(a_case_is_changed_whoever_opens_the_session),
         cmocka_unit_test(cuts_are_not_reported_for_another_case),
+        cmocka_unit_test(without_a_lease_a_cut_lands_with_the_next_fresh_frame),
+        cmocka_unit_test(a_stop_that_waits_for_a_cut_waits_for_the_lease_too),
+        cmocka_unit_test(a_session_is_handed_over_once_its_cut_is_done),
+        cmocka_unit_test(a_session_that_follows_one_that_was_handed_over_has_none_of_its_cuts),
     };
     return cmocka_run_group_tests_name("cut_worker", tests, hall_make, hall_remove);
 }

@@ -107,10 +107,20 @@ const arthron_CommandReply *hall_command(struct sessions *sessions, arthron_Comm
     return reply;
 }
 
+atomic_int_fast64_t hall_serve_until_ns;
+
+void hall_lease(struct sessions *sessions) {
+    atomic_store(&hall_serve_until_ns, INT64_MAX);
+    sessions_runtime(sessions)->config.serve_until_ns = &hall_serve_until_ns;
+}
+
 // A running burr on its way along the meniscus.
 void hall_frame(struct sessions *sessions, vec3 tip) {
+    hall_frame_of(sessions, tip, clock_now_ns());
+}
+
+void hall_frame_of(struct sessions *sessions, vec3 tip, int64_t now_ns) {
     static uint64_t number;
-    int64_t now_ns = clock_now_ns();
     struct frame frame = {.number = ++number, .time_ns = now_ns, .count = 2};
     frame.samples[0] = (struct sample){.channel = CHANNEL_SHAVER,
                                        .kind = SAMPLE_POSE,
@@ -170,7 +180,7 @@ void hall_shave_part(struct sessions *sessions, double from, double to) {
     }
 }
 
-static bool is_cutting(struct sessions *sessions) {
+bool hall_is_cutting(struct sessions *sessions) {
     const struct station_runtime *station = &sessions_runtime(sessions)->stations[0];
     return ring_count(station->frames) || atomic_load(&station->job);
 }
@@ -183,7 +193,7 @@ struct tissue_report hall_last_tissues(struct sessions *sessions) {
     for (int quiet = 0; quiet < QUIET; quiet++) {
         hall_wait_ms(20);
         struct tissue_report now = hall_tissues(sessions);
-        if (is_cutting(sessions) || now.figures[0].mesh_number != last.figures[0].mesh_number)
+        if (hall_is_cutting(sessions) || now.figures[0].mesh_number != last.figures[0].mesh_number)
             quiet = 0;
         last = now;
     }
@@ -192,6 +202,15 @@ struct tissue_report hall_last_tissues(struct sessions *sessions) {
 
 struct station_counts *hall_counts(struct sessions *sessions) {
     return (struct station_counts *)runtime_counts(sessions_runtime(sessions), 0);
+}
+
+// The cut worker shows what it has cut.
+void hall_hold_cuts(struct sessions *sessions) {
+    pthread_mutex_lock(&sessions_runtime(sessions)->stations[0].tissues_lock);
+}
+
+void hall_let_cuts_go(struct sessions *sessions) {
+    pthread_mutex_unlock(&sessions_runtime(sessions)->stations[0].tissues_lock);
 }
 
 void hall_hold_commands(struct sessions *sessions) {

@@ -20,8 +20,13 @@ void hall_leave(struct sessions *sessions);
 const arthron_CommandReply *hall_try(struct sessions *sessions, arthron_Command_Kind kind);
 const arthron_CommandReply *hall_command(struct sessions *sessions, arthron_Command_Kind kind);
 
-// A frame with a running burr at `tip`.
+// Before its session begins: the server has a lease, until hall_serve_until_ns.
+extern atomic_int_fast64_t hall_serve_until_ns;
+void hall_lease(struct sessions *sessions);
+
+// A frame with a running burr at `tip`, closed now or before.
 void hall_frame(struct sessions *sessions, vec3 tip);
+void hall_frame_of(struct sessions *sessions, vec3 tip, int64_t time_ns);
 
 // A marker of the station, by its clock, which is ours.
 void hall_mark(struct sessions *sessions, uint64_t number, int64_t time_ns);
@@ -37,6 +42,11 @@ struct tissue_report hall_tissues(struct sessions *sessions);
 struct tissue_report hall_last_tissues(struct sessions *sessions);
 
 struct station_counts *hall_counts(struct sessions *sessions);
+
+// Between these two, no cut is done: one that is asked for is on its way.
+void hall_hold_cuts(struct sessions *sessions);
+void hall_let_cuts_go(struct sessions *sessions);
+bool hall_is_cutting(struct sessions *sessions);
 
 // Between these two, commands to the station wait.
 void hall_hold_commands(struct sessions *sessions);

@@ -1,8 +1,12 @@
 // Stations that come and go, as the sessions see them.
+#include "base/clock.h"
+#include "runtime/parts.h"
 #include "test.h"
-#include "trace/trace.h"
+#include "trace/state.h"
 #include "unit/hall.h"
 
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static void assert_trace_is_of(const struct station_status *status) {
@@ -89,12 +93,139 @@ static void a_station_that_has_gone_is_gone_whatever_else_it_said(void **state) 
     sessions_destroy(&sessions);
 }
 
+// ---- a lease ------------------------------------------------------------------------------------
+
+static const vec3 away = {60, 60, 60};
+
+static uint64_t steps(struct sessions *sessions) {
+    return atomic_load(&hall_counts(sessions)->steps);
+}
+
+static void assert_steps(struct sessions *sessions) {
+    uint64_t before = steps(sessions);
+    for (int i = 0; i < 10000 && steps(sessions) == before; i++)
+        hall_wait_ms(1);
+    assert_true(steps(sessions) > before);
+}
+
+static void assert_stands_still(struct sessions *sessions) {
+    hall_wait_ms(100);
+    uint64_t before = steps(sessions);
+    hall_wait_ms(300);
+    assert_int_equal(steps(sessions), before);
+}
+
+static void without_a_lease_a_session_goes_on_only_with_fresh_frames(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_lease(sessions);
+    hall_join(sessions);
+    assert_steps(sessions);
+    atomic_store(&hall_serve_until_ns, clock_now_ns());
+    assert_stands_still(sessions);
+    uint64_t before = steps(sessions), old = atomic_load(&hall_counts(sessions)->frames_old);
+    hall_frame_of(sessions, away, clock_now_ns() - 2 * NS_PER_S);
+    hall_wait_ms(100);
+    assert_int_equal(steps(sessions), before);
+    assert_int_equal(atomic_load(&hall_counts(sessions)->frames_old), old + 1);
+    hall_frame(sessions, away);
+    assert_steps(sessions);
+    assert_int_equal(steps(sessions), before + 1);
+    atomic_store(&hall_serve_until_ns, INT64_MAX);
+    hall_frame_of(sessions, away, clock_now_ns() - 2 * NS_PER_S);
+    assert_steps(sessions);
+    sessions_destroy(&sessions);
+}
+
+static void without_a_lease_commands_are_refused(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_lease(sessions);
+    hall_join(sessions);
+    atomic_store(&hall_serve_until_ns, clock_now_ns());
+    assert_false(hall_try(sessions, arthron_Command_Kind_PAUSE)->ok);
+    assert_false(hall_try(sessions, arthron_Command_Kind_STOP)->ok);
+    assert_int_equal(hall_status(sessions).state, SESSION_RUNNING);
+    atomic_store(&hall_serve_until_ns, INT64_MAX);
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    sessions_destroy(&sessions);
+}
+
+static void without_a_lease_a_deserted_session_does_not_end(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_lease(sessions);
+    sessions_runtime(sessions)->config.wait_s = 0;
+    hall_join(sessions);
+    atomic_store(&hall_serve_until_ns, clock_now_ns());
+    hall_leave(sessions);
+    hall_wait_ms(300);
+    assert_int_equal(hall_status(sessions).state, SESSION_RUNNING);
+    atomic_store(&hall_serve_until_ns, INT64_MAX);
+    for (int i = 0; i < 10000 && hall_status(sessions).phase != SLOT_EMPTY; i++)
+        hall_wait_ms(1);
+    assert_int_equal(hall_status(sessions).phase, SLOT_EMPTY);
+    sessions_destroy(&sessions);
+}
+
+// ---- states that are kept -----------------------------------------------------------------------
+
+static struct {
+    atomic_int count;
+    char trace[TRACE_FILE_MAX];
+    enum result result;
+} kept;
+
+static void note_kept(void *user, const char *trace) {
+    struct trace_state state = {0};
+    assert_non_null(user);
+    kept.result = trace_state_read(trace, &state, NULL);
+    free(state.content);
+    snprintf(kept.trace, sizeof kept.trace, "%s", trace);
+    atomic_fetch_add(&kept.count, 1);
+}
+
+static struct sessions *begin_keeping(bool at_once) {
+    struct sessions *sessions = hall_open();
+    atomic_store(&kept.count, 0);
+    sessions_runtime(sessions)->config.keep_at_once = at_once;
+    sessions_runtime(sessions)->config.kept = note_kept;
+    hall_join(sessions);
+    return sessions;
+}
+
+static void a_session_is_kept_at_once_where_that_is_wanted(void **state) {
+    (void)state;
+    struct sessions *sessions = begin_keeping(true);
+    for (int i = 0; i < 10000 && !atomic_load(&kept.count); i++)
+        hall_wait_ms(1);
+    assert_int_equal(atomic_load(&kept.count), 1);
+    assert_int_equal(kept.result, RESULT_OK);
+    assert_string_equal(kept.trace, hall_status(sessions).about.trace);
+    hall_wait_ms(500);
+    assert_int_equal(atomic_load(&kept.count), 1); // then as usual
+    sessions_destroy(&sessions);
+}
+
+static void else_a_session_is_not_kept_at_once(void **state) {
+    (void)state;
+    struct sessions *sessions = begin_keeping(false);
+    hall_wait_ms(500);
+    assert_int_equal(atomic_load(&kept.count), 0);
+    sessions_destroy(&sessions);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_station_is_told_the_id_that_its_session_has),
         cmocka_unit_test(a_session_that_was_stopped_stays_stopped_when_the_link_blips),
         cmocka_unit_test(frames_that_find_no_room_are_counted_as_such),
         cmocka_unit_test(a_station_that_has_gone_is_gone_whatever_else_it_said),
+        cmocka_unit_test(without_a_lease_a_session_goes_on_only_with_fresh_frames),
+        cmocka_unit_test(without_a_lease_commands_are_refused),
+        cmocka_unit_test(without_a_lease_a_deserted_session_does_not_end),
+        cmocka_unit_test(a_session_is_kept_at_once_where_that_is_wanted),
+        cmocka_unit_test(else_a_session_is_not_kept_at_once),
     };
     return cmocka_run_group_tests_name("sessions", tests, hall_make, hall_remove);
 }

@@ -165,8 +165,10 @@ size_t header_encode(const struct trace_header *h, struct chain *chain, uint8_t 
     write_bytes(&prefix, HEADER_MAGIC, 8);
     write_u16(&prefix, TRACE_VERSION);
     write_u32(&prefix, (uint32_t)(w.used - HEADER_PREFIX));
-    chain_add(chain, out, w.used);
-    write_bytes(&w, chain->value, sizeof chain->value);
+    static const uint8_t none[TRACE_HASH_SIZE];
+    if (chain)
+        chain_add(chain, out, w.used);
+    write_bytes(&w, chain ? chain->value : none, sizeof none);
     CHECK(!w.overflow && !prefix.overflow);
     return w.used;
 }
@@ -247,6 +249,11 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
                           struct trace_header *h, struct error *err) {
     if (!checksum_matches(data, size, version, chain))
         return fail(err, RESULT_CORRUPT, "the checksum of its header is wrong");
+    return header_decode_bare(data, size, version, h, err);
+}
+
+enum result header_decode_bare(const uint8_t *data, size_t size, unsigned version,
+                               struct trace_header *h, struct error *err) {
     memset(h, 0, sizeof *h);
     struct reader r = {data, size - checksum_size(version), HEADER_PREFIX, false};
     h->version = (uint16_t)version;

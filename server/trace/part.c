@@ -93,7 +93,25 @@ bool trace_journal_outlasts_state(enum trace_record_type type) {
            type == TRACE_ENDED;
 }
 
-// ---- records as bytes ---------------------------------------------------------------------------
+// ---- header and records as bytes ----------------------------------------------------------------
+
+_Static_assert(TRACE_HEADER_PACKED_MAX >= HEADER_MAX, "a header fits with its hash");
+
+size_t trace_header_pack(const struct trace_header *header, uint8_t *out) {
+    return header_encode(header, NULL, out);
+}
+
+enum result trace_header_unpack(const uint8_t *bytes, size_t size, struct trace_header *out,
+                                struct error *err) {
+    unsigned version;
+    size_t rest;
+    if (size < HEADER_PREFIX)
+        return fail(err, RESULT_FORMAT, "it ends within its header");
+    enum result result = header_decode_prefix(bytes, &version, &rest, err);
+    if (result == RESULT_OK && size != HEADER_PREFIX + rest)
+        result = fail(err, RESULT_FORMAT, "its header has not the size that it tells");
+    return result == RESULT_OK ? header_decode_bare(bytes, size, version, out, err) : result;
+}
 
 _Static_assert(TRACE_PACKED_MAX >= RECORD_MAX, "a record fits with its hash, which is left out");
 

@@ -48,7 +48,16 @@ bool trace_journal_take(struct trace_journal *journal, const struct trace_record
 // the state, remarks, markers and attempts are not.
 bool trace_journal_outlasts_state(enum trace_record_type type);
 
-// ---- records as bytes, without the trace's hashes ----------------------------------------------
+// ---- the header and records as bytes, without the trace's hashes -------------------------------
+
+#define TRACE_HEADER_PACKED_MAX 16384
+
+// Returns the number of bytes in `out`, which holds TRACE_HEADER_PACKED_MAX.
+size_t trace_header_pack(const struct trace_header *header, uint8_t *out);
+// RESULT_FORMAT: the bytes are no header. RESULT_VERSION: one of a version that this program cannot
+// read.
+enum result trace_header_unpack(const uint8_t *bytes, size_t size, struct trace_header *out_header,
+                                struct error *err);
 
 #define TRACE_PACKED_MAX 10304 // bytes of one
 

@@ -86,6 +86,9 @@ bool checksum_matches(const uint8_t *data, size_t size, unsigned version, struct
 // record is an end.
 enum result header_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
                           struct trace_header *out_header, struct error *err);
+// The same without a look at the checksum.
+enum result header_decode_bare(const uint8_t *data, size_t size, unsigned version,
+                               struct trace_header *out_header, struct error *err);
 enum result record_decode(const uint8_t *data, size_t size, struct trace_layout layout,
                           struct chain *chain, struct trace_record *out_record,
                           struct trace_end *out_end, struct error *err);

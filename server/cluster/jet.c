@@ -18,7 +18,6 @@
 
 #define BUCKET "arthron-lease"
 #define JOURNAL_STREAM "arthron-journal"
-#define STATE_STREAM "arthron-state"
 #define ANSWER_MS 2000
 #define PATIENCE_MS 5000 // of questions that wait
 #define RECONNECT_MS 250
@@ -131,17 +130,15 @@ void jet_publish(struct jet *jet, uint64_t id, const struct jet_message *m) {
     send_message(jet, id, message);
 }
 
-void jet_purge(struct jet *jet, bool is_state, const char *subject, uint64_t before) {
-    char request[JET_TEXT_SIZE + 64], address[64];
-    snprintf(address, sizeof address, "$JS.API.STREAM.PURGE.%s",
-             is_state ? STATE_STREAM : JOURNAL_STREAM);
+void jet_purge(struct jet *jet, const char *subject, uint64_t before) {
+    char request[JET_TEXT_SIZE + 64];
     if (before)
         snprintf(request, sizeof request, "{\"filter\":\"%s\",\"seq\":%" PRIu64 "}", subject,
                  before);
     else
         snprintf(request, sizeof request, "{\"filter\":\"%s\"}", subject);
-    natsConnection_PublishRequest(jet->connection, address, "arthron.unheard", request,
-                                  (int)strlen(request));
+    natsConnection_PublishRequest(jet->connection, "$JS.API.STREAM.PURGE." JOURNAL_STREAM,
+                                  "arthron.unheard", request, (int)strlen(request));
 }
 
 // ---- reading ------------------------------------------------------------------------------------
@@ -152,11 +149,10 @@ static const char *kind_of(natsMsg *message) {
     return kind ? kind : "";
 }
 
-static natsStatus last_sequence(struct jet *jet, const char *stream, const char *subject,
-                                uint64_t *out) {
+static natsStatus last_sequence(struct jet *jet, const char *subject, uint64_t *out) {
     natsMsg *last = NULL;
     jsErrCode code = 0;
-    natsStatus status = js_GetLastMsg(&last, jet->js, stream, subject, NULL, &code);
+    natsStatus status = js_GetLastMsg(&last, jet->js, JOURNAL_STREAM, subject, NULL, &code);
     if (status == NATS_OK)
         *out = natsMsg_GetSequence(last);
     natsMsg_Destroy(last);
@@ -203,16 +199,14 @@ static enum result fail_by(struct error *err, const char *subject, natsStatus st
 enum result jet_read(struct jet *jet, const char *subject, uint64_t until,
                      bool (*take)(void *user, const struct jet_message *message, uint64_t sequence),
                      void *user, struct error *err) {
-    const char *stream =
-        strncmp(subject, JET_STATE, sizeof JET_STATE - 1) ? JOURNAL_STREAM : STATE_STREAM;
     natsSubscription *sub = NULL;
     jsSubOptions options;
     jsSubOptions_Init(&options);
     options.Ordered = true;
-    options.Stream = stream;
+    options.Stream = JOURNAL_STREAM;
     natsStatus status = NATS_OK;
     if (!until)
-        status = last_sequence(jet, stream, subject, &until);
+        status = last_sequence(jet, subject, &until);
     if (status == NATS_OK)
         status = js_SubscribeSync(&sub, jet->js, subject, NULL, &options, NULL);
     if (status == NATS_OK)
@@ -223,11 +217,12 @@ enum result jet_read(struct jet *jet, const char *subject, uint64_t until,
 
 // ---- the streams --------------------------------------------------------------------------------
 
-static natsStatus make_stream(struct jet *jet, const char *name, const char *subjects) {
+static natsStatus make_stream(struct jet *jet) {
+    const char *subjects = JET_JOURNAL "*";
     jsStreamConfig config;
     jsErrCode code = 0;
     jsStreamConfig_Init(&config);
-    config.Name = name;
+    config.Name = JOURNAL_STREAM;
     config.Subjects = &subjects;
     config.SubjectsLen = 1;
     config.Replicas = jet->settings.replicas;
@@ -252,9 +247,7 @@ static natsStatus open_bucket(struct jet *jet, kvStore **out) {
 static natsStatus make_all(struct jet *jet, kvStore **out_bucket) {
     natsStatus status = open_bucket(jet, out_bucket);
     if (status == NATS_OK)
-        status = make_stream(jet, JOURNAL_STREAM, JET_JOURNAL "*");
-    if (status == NATS_OK)
-        status = make_stream(jet, STATE_STREAM, JET_STATE "*");
+        status = make_stream(jet);
     return status;
 }
 

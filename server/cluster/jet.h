@@ -1,7 +1,7 @@
 // The connection with NATS JetStream. The one file of the program that speaks with libnats.
 //
-// What it keeps there: a bucket with the keys of the lease, a stream with the journals of stations,
-// and a stream with the states of their sessions. They are made where they are missing.
+// What it keeps there: a bucket with the keys of the lease, and a stream with the journals of
+// stations. They are made where they are missing.
 #pragma once
 
 #include "base/result.h"
@@ -55,7 +55,7 @@ struct jet_message {
 
 void jet_publish(struct jet *jet, uint64_t id, const struct jet_message *message);
 // Removes the messages of a subject before the sequence; 0: all. Not answered, and tried once.
-void jet_purge(struct jet *jet, bool is_state, const char *subject, uint64_t before);
+void jet_purge(struct jet *jet, const char *subject, uint64_t before);
 
 // Calls `take` for each message of a subject in order, up to this sequence (0: the last that is
 // there). It waits; RESULT_TIMEOUT: NATS does not answer. RESULT_MISSING: there is none.
@@ -64,7 +64,6 @@ enum result jet_read(struct jet *jet, const char *subject, uint64_t until,
                      void *user, struct error *err);
 
 #define JET_JOURNAL "arthron.journal." // subjects: and the station's name as a token
-#define JET_STATE "arthron.state."
 // A name as a token of a subject or key: what is not a letter, digit, - or _ becomes =XX.
 #define JET_TOKEN_SIZE (3 * SERVER_NAME_SIZE)
 void jet_token(const char *name, char out_token[JET_TOKEN_SIZE]);

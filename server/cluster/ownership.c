@@ -38,7 +38,7 @@ struct ownership {
     struct server_value value; // of the own key
     uint64_t revision;         // of the own key, as known
     struct pending pending;
-    bool is_in, leaves;
+    bool is_in, leaves, has_left;
     int64_t renewed_ns, begun_ns; // the send time of the last answered write; when this began
     uint64_t life_before;
     int64_t namesake_ns; // when a living namesake was last seen; 0: never
@@ -227,6 +227,17 @@ bool ownership_is_valid(const struct ownership *o, int64_t now_ns) {
     return o->is_in && now_ns - o->renewed_ns < LEASE_VALID_NS;
 }
 
+int64_t ownership_serves_until_ns(const struct ownership *o) {
+    for (int i = 0; i < o->station_count; i++)
+        if (o->stations[i].owner == OWNER_DOUBTFUL)
+            return 0;
+    return o->is_in ? o->renewed_ns + LEASE_VALID_NS : 0;
+}
+
+bool ownership_has_left(const struct ownership *o) {
+    return o->has_left;
+}
+
 bool ownership_has_namesake(const struct ownership *o, int64_t now_ns) {
     return o->namesake_ns && now_ns - o->namesake_ns < LEASE_DEAD_NS;
 }
@@ -286,6 +297,7 @@ static void own_key_answered(struct ownership *o, enum write_answer answer, uint
         return;
     o->revision = revision;
     o->is_in = !o->leaves;
+    o->has_left = o->leaves;
     o->renewed_ns = sent_ns;
 }
 
@@ -349,6 +361,24 @@ void ownership_tick(struct ownership *o, int64_t now_ns) {
 
 const char *ownership_named(const struct ownership *o, int station) {
     return o->stations[station].value.server;
+}
+
+bool ownership_is_named(const struct ownership *o, int station) {
+    return names_self(o, &o->stations[station]);
+}
+
+const char *ownership_address(const struct ownership *o, int station) {
+    const struct known_server *server = find_server(o, o->stations[station].value.server);
+    return server ? server->value.stations : "";
+}
+
+const char *ownership_other(const struct ownership *o, int which, int64_t now_ns) {
+    for (int i = 0; i < o->server_count; i++) {
+        const struct known_server *server = &o->servers[(which + i) % o->server_count];
+        if (lives(server, now_ns))
+            return server->value.stations;
+    }
+    return NULL;
 }
 
 enum station_owner ownership_of(const struct ownership *o, int station) {

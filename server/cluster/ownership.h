@@ -107,8 +107,17 @@ void ownership_leave(struct ownership *o, int64_t now_ns);
 
 enum station_owner ownership_of(const struct ownership *o, int station);
 const char *ownership_named(const struct ownership *o, int station); // by the key; empty: nobody
-uint64_t ownership_token(const struct ownership *o, int station);    // of OWNER_SELF, else 0
+bool ownership_is_named(const struct ownership *o, int station);     // it names this server's life
+// Where stations reach the server that the key names; empty: not known.
+const char *ownership_address(const struct ownership *o, int station);
+// The same of another server that lives; which: any number, which spreads what is asked for. NULL:
+// there is none.
+const char *ownership_other(const struct ownership *o, int which, int64_t now_ns);
+uint64_t ownership_token(const struct ownership *o, int station); // of OWNER_SELF, else 0
 // Whether this server may serve: its life is confirmed, and recently.
 bool ownership_is_valid(const struct ownership *o, int64_t now_ns);
+// Until when that is so for all its stations; 0: for some it is not.
+int64_t ownership_serves_until_ns(const struct ownership *o);
+bool ownership_has_left(const struct ownership *o); // what ownership_leave wrote was answered
 // Another server of this name lives: this one stays out.
 bool ownership_has_namesake(const struct ownership *o, int64_t now_ns);

@@ -231,7 +231,7 @@ static void a_message_is_kept_once_and_read_in_order_until_it_is_purged(void **s
         assert_int_equal(read.numbers[i], i + 1);
     assert_int_equal(read.sizes[0], JET_PART_MAX);
     assert_int_equal(read.sizes[2], 30);
-    jet_purge(jet, false, JET_JOURNAL "room-1", last);
+    jet_purge(jet, JET_JOURNAL "room-1", last);
     for (int i = 0; i < 100 && read.count != 1; i++) {
         usleep(50000);
         read.count = 0;

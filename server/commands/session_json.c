@@ -63,7 +63,7 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
     return json_pack(
         "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
-        "s:I, s:o, s:s, s:I, s:b, s:s, s:s, s:o, s:o, s:f}",
+        "s:I, s:o, s:s, s:I, s:b, s:s, s:s, s:o, s:o, s:f, s:b, s:s}",
         "station", info->station, "id", id, "case", info->case_name, "state",
         session_state_name((enum session_state)info->state), "connected", info->connected,
         "start_utc_s", (double)info->start_utc_ns / 1e9, "steps", (json_int_t)info->steps,
@@ -76,7 +76,8 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
         info->case_grade, "trace_missing", (json_int_t)info->trace_missing, "trace_failing",
         info->trace_failing, "trainee", info->trainee, "next_trainee", info->next_trainee,
         "certificate_until_utc_s", end_to_json(info->certificate_until_utc_s), "slowed",
-        slowed_to_json(info), "clock_step_s", (double)info->clock_step_ns / 1e9);
+        slowed_to_json(info), "clock_step_s", (double)info->clock_step_ns / 1e9, "unprotected",
+        info->unprotected, "server", info->server);
 }
 
 static json_t *refused_to_json(const arthron_Refused *r) {

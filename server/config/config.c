@@ -41,6 +41,21 @@ static bool take_names(void *target, const char *rest, const char *value) {
     return true;
 }
 
+// nats = ADDRESS, ADDRESS, ...
+static bool take_nats(void *target, const char *rest, const char *value) {
+    (void)rest;
+    struct jet_settings *jet = target;
+    jet->server_count = 0;
+    for (const char *at = value + strspn(value, ", "); *at; at += strspn(at, ", ")) {
+        size_t length = strcspn(at, ", ");
+        if (jet->server_count == JET_SERVERS_MAX || length >= JET_TEXT_SIZE)
+            return false;
+        snprintf(jet->servers[jet->server_count++], JET_TEXT_SIZE, "%.*s", (int)length, at);
+        at += length;
+    }
+    return jet->server_count > 0;
+}
+
 static bool take_field(void *target, const char *rest, const char *value) {
     (void)target, (void)rest;
     return !strcmp(value, field_name(FIELD_INTEGRAL));
@@ -114,6 +129,11 @@ static void *find_web(void *user, const char *name, struct error *err) {
 static void *find_xapi(void *user, const char *name, struct error *err) {
     (void)name, (void)err;
     return &((struct server_config *)user)->xapi;
+}
+
+static void *find_cluster(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return &((struct server_config *)user)->sessions.cluster;
 }
 
 static void *find_warp(void *user, const char *name, struct error *err) {
@@ -229,6 +249,7 @@ static void *find_station(void *user, const char *name, struct error *err) {
 #define SESSIONS(member) SETTING_IN(struct sessions_config, member)
 #define WEB(member) SETTING_IN(struct web_settings, member)
 #define XAPI(member) SETTING_IN(struct xapi_settings, member)
+#define CLUSTER(member) SETTING_IN(struct cluster_settings, member)
 #define WARP(member) SETTING_IN(struct session_settings, member)
 #define STATION(member) SETTING_IN(struct session_station, member)
 
@@ -268,6 +289,21 @@ static const struct setting_key xapi_keys[] = {
     {"server", SETTING_TEXT, XAPI(server)},     {"user", SETTING_TEXT, XAPI(user)},
     {"password", SETTING_PATH, XAPI(password)}, {"authority", SETTING_PATH, XAPI(authority)},
     {"names", SETTING_SWITCH, XAPI(names)},     {0},
+};
+
+static const struct setting_key cluster_keys[] = {
+    {"name", SETTING_TEXT, CLUSTER(jet.name)},
+    {"nats", .take = take_nats,
+     .wanted = "1 to 8 addresses as nats://HOST:4222 or tls://HOST:4222, separated by commas"},
+    {"replicas", SETTING_INTEGER, CLUSTER(jet.replicas), 1, 5},
+    {"authority", SETTING_PATH, CLUSTER(jet.authority)},
+    {"certificate", SETTING_PATH, CLUSTER(jet.certificate)},
+    {"key", SETTING_PATH, CLUSTER(jet.key)},
+    {"user", SETTING_TEXT, CLUSTER(jet.user)},
+    {"password", SETTING_PATH, CLUSTER(jet.password)},
+    {"stations", SETTING_TEXT, CLUSTER(stations)},
+    {"pages", SETTING_TEXT, CLUSTER(pages)},
+    {0},
 };
 
 static const struct setting_key warp_keys[] = {
@@ -313,6 +349,7 @@ static const struct setting_section sections[] = {
     {"server", server_keys, find_server},
     {"web", web_keys, find_web},
     {"xapi", xapi_keys, find_xapi},
+    {"cluster", cluster_keys, find_cluster},
     {"warp", warp_keys, find_warp},
     {"instrument NAME", instrument_keys, find_instrument},
     {"case NAME", case_keys, find_case},
@@ -409,6 +446,22 @@ static enum result complete_xapi(const struct sessions_config *c, const struct x
     return RESULT_OK;
 }
 
+static enum result complete_cluster(const struct cluster_settings *c, struct error *err) {
+    bool is_used = c->jet.name[0] || c->jet.server_count || c->stations[0] || c->pages[0] ||
+                   c->jet.user[0] || c->jet.authority[0] || c->jet.certificate[0];
+    const char *missing = !c->jet.name[0]        ? "name"
+                          : !c->jet.server_count ? "nats"
+                          : !c->stations[0]      ? "stations"
+                                                 : NULL;
+    if (!is_used)
+        return RESULT_OK;
+    if (missing)
+        return fail(err, RESULT_MISSING, "[cluster] needs the key \"%s\"", missing);
+    if (!c->jet.certificate[0] != !c->jet.key[0])
+        return fail(err, RESULT_MISSING, "[cluster] needs both certificate and key, or neither");
+    return RESULT_OK;
+}
+
 static void set_defaults(struct sessions_config *config) {
     config->port = 4810;
     config->udp_port = 4811;
@@ -417,6 +470,7 @@ static void set_defaults(struct sessions_config *config) {
     config->calibration_days = 30;
     config->calibration_mm = 1;
     config->calibration_deg = 1;
+    config->cluster.jet.replicas = 3;
     config->settings = session_settings_default();
 }
 
@@ -434,6 +488,8 @@ enum result config_load(const char *path, const struct setting_override *overrid
         result = complete_web(&out_config->sessions, &out_config->web, err);
     if (result == RESULT_OK)
         result = complete_xapi(&out_config->sessions, &out_config->xapi, err);
+    if (result == RESULT_OK)
+        result = complete_cluster(&out_config->sessions.cluster, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);
 }
 

@@ -112,6 +112,9 @@ static void warn_of_trace(arthron_Place *place) {
         warn(place, URGENCY_ACT, arthron_Why_Code_TRACE_INCOMPLETE,
              figure((double)info->trace_missing, 0).text,
              "its trace is incomplete: %" PRIu64 " steps are missing", info->trace_missing);
+    if (info->unprotected)
+        warn(place, URGENCY_LOOK, arthron_Why_Code_UNPROTECTED, NULL,
+             "no other server could go on with its session as it is");
 }
 
 static void warn_of_case(arthron_Place *place) {

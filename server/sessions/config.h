@@ -2,6 +2,7 @@
 #pragma once
 
 #include "case/case.h"
+#include "cluster/cluster.h"
 #include "records/recorder.h"
 #include "runtime/types.h"
 #include "step/optic.h"
@@ -54,6 +55,7 @@ struct sessions_config {
     // As the recorder calls it (records/recorder.h).
     void (*attempt_written)(void *user, struct store *store, const char *session, int number);
     void *attempt_user;
+    struct cluster_settings cluster; // of several servers; without a name this one is alone
     struct session_settings settings;
     int instrument_count; // whose bodies are not by their places in `settings`
     struct session_instrument instruments[SESSIONS_INSTRUMENTS_MAX];

@@ -8,6 +8,7 @@
 #include "runtime/fair_share.h"
 #include "sessions/attempts.h"
 #include "sessions/opening.h"
+#include "sessions/sharing.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -53,31 +54,45 @@ void manager_notify(void *user) {
 
 // ---- opening and releasing ----------------------------------------------------------------------
 
+enum task_kind { TASK_OPEN, TASK_RELEASE, TASK_ATTEMPT, TASK_TAKE, TASK_LOSE };
+
 struct station_task {
     struct sessions *sessions;
     int station;
-    struct session_runtime *ended; // NULL: a session is opened, or an attempt has ended
+    enum task_kind kind;
+    struct session_runtime *ended; // TASK_RELEASE
     enum session_end end;
-    struct session_attempt *attempt; // or NULL
+    struct session_attempt *attempt; // TASK_ATTEMPT
 };
 
 static int64_t run_task(void *data) {
     struct station_task *task = data;
     struct error err;
-    if (task->attempt)
-        attempts_release(task->sessions, task->station, task->attempt);
-    else if (task->ended)
-        opening_release(task->sessions, task->station, task->ended, task->end);
-    else
+    switch (task->kind) {
+    case TASK_OPEN:
         opening_run(task->sessions, task->station, &err);
+        break;
+    case TASK_RELEASE:
+        opening_release(task->sessions, task->station, task->ended, task->end);
+        break;
+    case TASK_ATTEMPT:
+        attempts_release(task->sessions, task->station, task->attempt);
+        break;
+    case TASK_TAKE:
+        sharing_take(task->sessions, task->station);
+        break;
+    case TASK_LOSE:
+        sharing_lose(task->sessions, task->station);
+        break;
+    }
     return TASK_DONE;
 }
 
 static void finish_task(void *data, bool done) {
     struct station_task *task = data;
-    if (!done && (task->ended || task->attempt))
+    if (!done && (task->kind == TASK_RELEASE || task->kind == TASK_ATTEMPT))
         run_task(data);
-    else if (!done) // the server ends, or has too much to do
+    else if (!done && task->kind == TASK_OPEN) // the server ends, or has too much to do
         station_slot_failed(&task->sessions->slots[task->station], clock_now_ns() + RETRY_NS);
     free(data);
 }
@@ -98,8 +113,17 @@ bool manager_opens(const struct sessions *s) {
 }
 
 void manager_open(struct sessions *s, int station) {
-    if (manager_opens(s) && station_slot_claim_needed(&s->slots[station], clock_now_ns()))
+    if (manager_opens(s) && sharing_serves(s, station) &&
+        station_slot_claim_needed(&s->slots[station], clock_now_ns()))
         give_task(s, (struct station_task){.sessions = s, .station = station});
+}
+
+void manager_take(struct sessions *s, int station) {
+    give_task(s, (struct station_task){.sessions = s, .station = station, .kind = TASK_TAKE});
+}
+
+void manager_lose(struct sessions *s, int station) {
+    give_task(s, (struct station_task){.sessions = s, .station = station, .kind = TASK_LOSE});
 }
 
 // A station that comes back with other instruments gets a new session: in the old one its channels
@@ -143,13 +167,16 @@ static void take_notice(struct sessions *s, const struct runtime_notice *notice)
         station_slot_set_tissues(slot, notice->session);
         break;
     case NOTICE_ATTEMPT:
-        give_task(s, (struct station_task){
-                         .sessions = s, .station = notice->station, .attempt = notice->attempt});
+        give_task(s, (struct station_task){.sessions = s,
+                                           .station = notice->station,
+                                           .kind = TASK_ATTEMPT,
+                                           .attempt = notice->attempt});
         break;
     case NOTICE_ENDED:
         station_slot_set_ended(slot, notice->session);
         give_task(s, (struct station_task){.sessions = s,
                                            .station = notice->station,
+                                           .kind = TASK_RELEASE,
                                            .ended = notice->ended,
                                            .end = notice->end});
         break;

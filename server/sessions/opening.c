@@ -7,6 +7,7 @@
 #include "sessions/audit.h"
 #include "sessions/own.h"
 #include "sessions/resources.h"
+#include "sessions/sharing.h"
 #include "trace/catalogue.h"
 
 #include <math.h>
@@ -39,6 +40,7 @@ void opening_header(const struct sessions *s, int station, const uint8_t id[16],
     if (!isnan(strength))
         out->settings.field.strength = strength;
     trace_header_set_machine(out);
+    sharing_header(s, station, out);
 }
 
 enum result opening_trace_path(const struct sessions *s, const struct trace_header *header,
@@ -129,9 +131,11 @@ static enum result open_session(struct sessions *s, int station, struct error *e
     if (result == RESULT_OK)
         result = opening_trace_path(s, &header, path, err);
     if (result == RESULT_OK)
-        result = trace_writer_create(path, &header, &s->trace_signer, NULL, &trace, err);
+        result = trace_writer_create(path, &header, &s->trace_signer, sharing_tap(s, station),
+                                     &trace, err);
     if (result != RESULT_OK)
         return result;
+    sharing_begun(s, station, &header, path, NULL);
     struct open_session *session = alloc(1, sizeof *session);
     struct session_runtime *runtime = &session->runtime;
     runtime->trace = trace;
@@ -203,13 +207,14 @@ void opening_release(struct sessions *s, int station, struct session_runtime *en
                     station_name(s, station), s->config.wait_s);
         audit_server(s, station, "end", session->row.id);
     }
-    if (end == END_HANDED_OVER) {
+    if (end == END_HANDED_OVER && !s->sharing) {
         log_info("sessions", "station %s: its session stays open for the next server",
                  station_name(s, station));
         trace_writer_leave(&ended->trace);
     } else {
         close_trace(s, station, session, end);
     }
+    sharing_ended(s, station, ended->trace_file, end == END_HANDED_OVER);
     session_destroy(&ended->session);
     operation_destroy(&ended->operation);
     attempts_free(&ended->attempt);

@@ -15,6 +15,7 @@
 struct manager;
 struct own_traces;
 struct resumed;
+struct sharing;
 
 struct sessions {
     struct sessions_config config;
@@ -36,6 +37,7 @@ struct sessions {
     struct recorder *recorder;        // NULL: no records
     struct own_traces *own;           // NULL: all are
     struct manager *manager;
+    struct sharing *sharing;   // NULL: this server is alone
     struct task_pool *closing; // of traces that no session goes on with
     struct resumed *resumed;   // while the server starts
     atomic_uint_fast64_t serials;

@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "runtime/kept_session.h"
 #include "sessions/attempts.h"
+#include "trace/part.h"
 #include "trace/player.h"
 #include "trace/rerun.h"
 
@@ -204,10 +205,21 @@ static enum result take_state(struct resume_run *r, const struct trace_state *st
 
 // ---- all of it ----------------------------------------------------------------------------------
 
+static void keep_standing(struct restored *a, const struct trace_record *record) {
+    if (a->standing_room - a->standing_size < TRACE_PACKED_MAX) {
+        a->standing_room = 2 * a->standing_room + 2 * TRACE_PACKED_MAX;
+        a->standing = alloc_resize(a->standing, a->standing_room, 1);
+    }
+    a->standing_size +=
+        trace_record_pack(record, a->header.settings.rules, a->standing + a->standing_size);
+}
+
 static bool on_record(void *user, const struct trace_record *record) {
     struct resume_run *r = user;
     struct restored *a = r->restored;
     bool is_kept = record->offset < r->kept;
+    if (trace_journal_outlasts_state(record->type))
+        keep_standing(a, record);
     if (sessions_are_ending(r->sessions))
         r->result = fail(r->err, RESULT_TIMEOUT, "%s: the server ends", r->path);
     else if (r->at_s && is_behind(a, record, *r->at_s))
@@ -391,6 +403,8 @@ void restore_fini(struct restored *a) {
     remarks_fini(&a->remarks);
     marker_list_fini(&a->markers);
     attempts_free(&a->attempt);
+    free(a->standing);
+    a->standing = NULL;
     while (a->ended) {
         struct session_attempt *next = a->ended->next;
         attempts_free(&a->ended);

@@ -12,7 +12,10 @@ struct restored {
     struct trace_place place; // the end of the part that was run
     uint64_t kept_step;       // the last one that needed not be run; 0: all were
     enum session_state state;
-    struct job asked;       // what the session waits for; id 0: nothing
+    struct job asked; // what the session waits for; id 0: nothing
+    // Records that outlast a state, packed (trace/part.h), in order.
+    uint8_t *standing;
+    size_t standing_size, standing_room;
     int scene;              // index of its case in the config; -1: not a case of this server
     struct metrics metrics; // of the steps recorded in this trace
     struct snapshot_maker snapshots;

@@ -9,6 +9,7 @@
 #include "sessions/opening.h"
 #include "sessions/own.h"
 #include "sessions/restore.h"
+#include "sessions/sharing.h"
 #include "trace/catalogue.h"
 #include "trace/state.h"
 
@@ -76,7 +77,10 @@ bool resume_is_recent(const struct sessions *s, const char *path) {
     return time(NULL) - status.st_mtime <= s->config.wait_s;
 }
 
+// Of several servers none knows at its start whether its sessions go on elsewhere (sharing.h).
 static enum result find_trace(struct resumed *r, struct error *err) {
+    if (r->sessions->sharing)
+        return RESULT_OK;
     enum result result =
         resume_newest(r->sessions, station_name(r->sessions, r->station), r->path, err);
     if (!r->path[0] || !resume_is_recent(r->sessions, r->path) ||
@@ -247,6 +251,7 @@ static void attach(struct resumed *r) {
     session_row_begin(&r->restored.header, r->path, &r->restored.session->row);
     recorder_put(s->recorder, &r->restored.session->row);
     put_attempts(r);
+    sharing_begun(s, r->station, &r->restored.header, r->path, &r->restored);
     r->restored.session = NULL;
     opening_hand_over(s, r->station, &about, runtime, &r->restored.remarks, &r->restored.markers);
 }
@@ -258,7 +263,7 @@ static bool open_trace(struct resumed *r) {
     bool was_closed = r->restored.state == SESSION_CLOSED; // only its end was missing
     enum result result =
         trace_writer_resume(r->path, &r->restored.place, clock_utc_ns(), &r->sessions->trace_signer,
-                            NULL, &runtime->trace, &err);
+                            sharing_tap(r->sessions, r->station), &runtime->trace, &err);
     if (was_closed) {
         if (result == RESULT_OK)
             trace_writer_destroy(&runtime->trace);
@@ -284,6 +289,24 @@ void resume_attach(struct sessions *s) {
         if (s->resumed[i].restored.session)
             attach(&s->resumed[i]);
     resume_release(s);
+}
+
+enum result resume_here(struct sessions *s, int station, const char *path, struct error *err) {
+    struct resumed r = {.sessions = s, .station = station};
+    snprintf(r.path, sizeof r.path, "%s", path);
+    resume_one(&r);
+    if (!r.restored.session || r.restored.state == SESSION_CLOSED) {
+        enum result result = fail(err, RESULT_REFUSED, "%s: it does not go on", path);
+        restore_fini(&r.restored);
+        return result;
+    }
+    claim_slot(&r);
+    if (!open_trace(&r))
+        return fail(err, RESULT_REFUSED, "%s: it cannot be written", path);
+    own_traces_note(s, path);
+    attach(&r);
+    restore_fini(&r.restored);
+    return RESULT_OK;
 }
 
 void resume_release(struct sessions *s) {

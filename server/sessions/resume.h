@@ -20,6 +20,11 @@ void resume_attach(struct sessions *sessions);
 // Instead, if the server cannot start.
 void resume_release(struct sessions *sessions);
 
+// The same for one trace while the server runs: of a station that is connected nowhere, and has no
+// session here. RESULT_REFUSED: it does not go on, and the log says why.
+enum result resume_here(struct sessions *sessions, int station, const char *path,
+                        struct error *err);
+
 // The path of the station's newest trace; empty if there is none. RESULT_IO: the folder cannot be
 // read.
 enum result resume_newest(const struct sessions *sessions, const char *station,

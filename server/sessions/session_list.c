@@ -4,6 +4,7 @@
 #include "net/authority.h"
 #include "runtime/reply.h"
 #include "sessions/calibration.h"
+#include "sessions/sharing.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -72,6 +73,8 @@ void session_info(struct sessions *s, int station, arthron_SessionInfo *out) {
     tell_counts(runtime_counts(s->runtime, station), out);
     tell_lately(runtime_counts(s->runtime, station), clock_now_ns(), out);
     tell_station(s, &status, out);
+    out->unprotected = status.phase == SLOT_ATTACHED && !sharing_protects(s, station);
+    sharing_server(s, station, out->server, sizeof out->server);
 }
 
 // ---- one session --------------------------------------------------------------------------------

@@ -12,6 +12,7 @@
 #include "sessions/own.h"
 #include "sessions/resume.h"
 #include "sessions/session_list.h"
+#include "sessions/sharing.h"
 #include "sessions/station_handler.h"
 #include "trace/trace.h"
 
@@ -116,6 +117,9 @@ static enum result start_runtime(struct sessions *s, struct error *err) {
         .station_count = s->config.station_count,
         .stations = s->served,
         .control = &s->control,
+        .serve_until_ns = sharing_serves_until(s),
+        .keep_at_once = s->sharing != NULL,
+        .kept = s->sharing ? sharing_kept : NULL,
         .notify = manager_notify,
         .user = s,
     };
@@ -207,6 +211,8 @@ static enum result prepare(struct sessions *s, struct error *err) {
     if (result == RESULT_OK)
         result = load_cases(s, err);
     if (result == RESULT_OK)
+        result = sharing_create(s, err);
+    if (result == RESULT_OK)
         result = start_runtime(s, err);
     if (result != RESULT_OK)
         return result;
@@ -286,11 +292,14 @@ static void end(struct sessions **sessions, bool hand_over) {
     closing_stop(s);
     if (s->console)
         console_destroy(&s->console);
+    if (hand_over)
+        sharing_move_all(s);
     manager_stop(s);
     runtime_stop(s->runtime, hand_over);
     if (s->control)
         control_destroy(&s->control);
     manager_destroy(s);
+    sharing_destroy(s);
     recorder_stop(&s->recorder);
     need_before_end(NULL, NULL);
     release(s);

@@ -5,6 +5,7 @@
 #include "sessions/calibration.h"
 #include "sessions/manager.h"
 #include "sessions/resources.h"
+#include "sessions/sharing.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -120,6 +121,8 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
         return refuse_station(s, station, refusal, arthron_Refusal_Reason_NO_CASE, &why);
     if (hello->visit)
         return receive_visit(s, station, welcome);
+    if (!sharing_hello(s, station, refusal, &welcome->token))
+        return RESULT_REFUSED;
     if (allow_session(s, station, &why) != RESULT_OK)
         return refuse_station(s, station, refusal, arthron_Refusal_Reason_BUSY, &why);
     return receive(s, station, peer, hello, welcome, refusal);

@@ -62,6 +62,8 @@ static void each_thing_is_told_of(void **state) {
     assert_warns(place, URGENCY_NOW, "disk");
     place = good(), place.info.trace_missing = 12;
     assert_warns(place, URGENCY_ACT, "12 steps");
+    place = good(), place.info.unprotected = true;
+    assert_warns(place, URGENCY_LOOK, "no other server");
     place = good(), place.info.drift_mm = 0.7;
     assert_warns(place, URGENCY_ACT, "0.70 mm");
     place = good(), place.info.drift_mm = 0.7, place.info.touches = 2;

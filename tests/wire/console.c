@@ -98,8 +98,9 @@ static void the_longest_reply_arrives_whole(void **state) {
     struct error err;
     struct console *console = open_console();
     assert_int_equal(call(arthron_Command_Kind_LIST, &reply, &err), RESULT_OK);
-    assert_int_equal(reply.sessions_count, 64);
-    for (int i = 0; i < 64; i++) {
+    const int most = sizeof reply.sessions / sizeof *reply.sessions;
+    assert_int_equal(reply.sessions_count, most);
+    for (int i = 0; i < most; i++) {
         assert_int_equal(reply.sessions[i].steps, i);
         assert_int_equal(strlen(reply.sessions[i].trace), 255);
     }

@@ -144,6 +144,7 @@ export const text = {
     CERTIFICATE_ENDS: (days) => `The station's certificate ends in ${days} days. Enrol it again.`,
     EXAM_REASON: () => "An exam runs here. Give a reason.",
     EXAM_RUNS: () => "An exam runs here, with no notes, markers, undo or help.",
+    UNPROTECTED: () => "No other server could go on with this session.",
     OFF_SURFACE: (mm) => `The tip is ${mm} mm off the surface. Recalibrate.`,
   } as Partial<Record<string, (first: string, second: string) => string>>,
 

@@ -33,5 +33,5 @@ void report_text(struct report *report, const char *name, const char *text);
 typedef enum result bench_run(const struct bench_options *options, struct report *report,
                               struct error *err);
 
-bench_run bench_cut, bench_devices, bench_fidelity, bench_match, bench_metrics, bench_paper,
-    bench_resume, bench_server, bench_tasks, bench_trace, bench_warp;
+bench_run bench_cluster, bench_cut, bench_devices, bench_fidelity, bench_match, bench_metrics,
+    bench_paper, bench_resume, bench_server, bench_tasks, bench_trace, bench_warp;

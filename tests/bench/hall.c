@@ -8,7 +8,6 @@
 #include "net/authority_keys.h"
 #include "program.h"
 
-#include <arpa/inet.h>
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
@@ -18,8 +17,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
-#include <sys/socket.h>
-#include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -42,17 +39,6 @@ static void pause_ns(int64_t ns) {
 
 // ---- the server ---------------------------------------------------------------------------------
 
-static int free_port(void) {
-    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
-    socklen_t size = sizeof address;
-    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    int failed = fd < 0 || bind(fd, (struct sockaddr *)&address, size) ||
-                 getsockname(fd, (struct sockaddr *)&address, &size);
-    NEED(!failed, "port");
-    close(fd);
-    return ntohs(address.sin_port);
-}
-
 static enum result write_config(const struct hall *hall, const struct hall_setup *setup,
                                 struct error *err) {
     char path[128];
@@ -66,6 +52,9 @@ static enum result write_config(const struct hall *hall, const struct hall_setup
             hall->port, setup->cpu < 0 ? 0 : 1, setup->case_dir);
     for (int i = 0; i < hall->station_count; i++)
         fprintf(file, "[station station-%d]\ncase = hall\n", i);
+    if (setup->nats)
+        fprintf(file, "[cluster]\nname = bench\nnats = %s\nstations = 127.0.0.1:%d\n", setup->nats,
+                hall->port);
     return fclose(file) ? fail(err, RESULT_IO, "%s: %s", path, strerror(errno)) : RESULT_OK;
 }
 
@@ -74,17 +63,6 @@ static enum result make_keys(const struct hall *hall, struct error *err) {
     const char *host = "127.0.0.1";
     path_in(hall, "keys", keys, sizeof keys);
     return authority_init(keys, &host, 1, err);
-}
-
-static bool says(const char *path, const char *text) {
-    char line[512];
-    bool found = false;
-    FILE *file = fopen(path, "r");
-    while (file && !found && fgets(line, sizeof line, file))
-        found = strstr(line, text) != NULL;
-    if (file)
-        fclose(file);
-    return found;
 }
 
 static enum result start_server(struct hall *hall, const struct hall_setup *setup,
@@ -99,16 +77,7 @@ static enum result start_server(struct hall *hall, const struct hall_setup *setu
         program.words[5] = setup->field;
     }
     enum result result = program_start(&program, &hall->pid, NULL, err);
-    int64_t end_ns = clock_now_ns() + PATIENCE_NS;
-    while (result == RESULT_OK && !says(log, "ready")) {
-        bool ended = waitpid(hall->pid, NULL, WNOHANG) == hall->pid;
-        if (ended)
-            hall->pid = 0;
-        if (ended || clock_now_ns() > end_ns)
-            return fail(err, RESULT_CLOSED, "arthron-server %s", ended ? "ended" : "is not ready");
-        pause_ns(LOOK_NS);
-    }
-    return result;
+    return result == RESULT_OK ? program_wait(hall->pid, log, "ready on port", err) : result;
 }
 
 // The server inherits them.
@@ -192,8 +161,13 @@ static enum result enrol(const struct hall *hall, int station, const struct issu
     char keys[128], name[32];
     name_station(station, name);
     path_in(hall, name, keys, sizeof keys);
-    X509 *certificate = certificate_make(CERTIFICATE_STATION, name, NULL, hall->key, authority);
-    enum result result = key_files_write(keys, hall->key, certificate, authority->certificate, err);
+    return hall_enrol(keys, name, hall->key, authority, err);
+}
+
+enum result hall_enrol(const char *keys, const char *name, EVP_PKEY *key,
+                       const struct issuer *authority, struct error *err) {
+    X509 *certificate = certificate_make(CERTIFICATE_STATION, name, NULL, key, authority);
+    enum result result = key_files_write(keys, key, certificate, authority->certificate, err);
     X509_free(certificate);
     return result;
 }
@@ -314,7 +288,7 @@ static enum result open_stations(struct hall *hall, struct error *err) {
 enum result hall_start(const struct hall_setup *setup, struct hall *hall, struct error *err) {
     *hall = (struct hall){.station_count = setup->station_count + setup->idle,
                           .caller_count = setup->station_count,
-                          .port = free_port()};
+                          .port = program_port()};
     raise_descriptors();
     folder_make(hall->folder);
     enum result result = write_config(hall, setup, err);
@@ -337,9 +311,6 @@ void hall_end(struct hall *hall) {
     EVP_PKEY_free(hall->key);
     free(hall->links);
     free(hall->callers);
-    if (hall->pid > 0) {
-        kill(hall->pid, SIGTERM);
-        waitpid(hall->pid, NULL, 0);
-    }
+    program_end(&hall->pid, SIGTERM);
     folder_remove(hall->folder);
 }

@@ -29,12 +29,18 @@ struct hall_setup {
     const char *field; // of the warp; NULL: that of the server
     int cpu;           // where the server runs, with one worker; -1: anywhere, with its usual ones
     int idle;          // stations beyond these, which never send a pose
+    const char *nats;  // addresses of a cluster of it, which the server shares; NULL: it is alone
 };
 
 // Every station has a session, and all but the idle ones get replies by datagram when this returns.
 // The caller ends it with hall_end, which also removes the folder.
 enum result hall_start(const struct hall_setup *setup, struct hall *out_hall, struct error *err);
 void hall_end(struct hall *hall);
+
+// Writes a station's keys and certificate without the network.
+struct issuer;
+enum result hall_enrol(const char *keys, const char *name, EVP_PKEY *key,
+                       const struct issuer *authority, struct error *err);
 
 // Processor time so far: of the worker, and of the whole server.
 int64_t hall_worker_ns(const struct hall *hall);

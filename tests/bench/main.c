@@ -11,6 +11,7 @@ static const struct bench {
     const char *name, *help;
     bench_run *run;
 } benches[] = {
+    {"cluster", "several servers: one is killed or drained, and another goes on", bench_cluster},
     {"cut", "mesh cuts: what holds after each, their time, their messages; of cases too (--case)",
      bench_cut},
     {"devices",

@@ -1,12 +1,22 @@
 #include "program.h"
 
+#include "base/check.h"
+#include "base/clock.h"
+
+#include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <sched.h>
+#include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
+
+#define PATIENCE_NS (60 * NS_PER_S)
+static const struct timespec look = {.tv_nsec = 10 * NS_PER_MS};
 
 static enum result beside_us(const char *program, char *out, size_t size, struct error *err) {
     ssize_t length = readlink("/proc/self/exe", out, size - 1);
@@ -43,7 +53,9 @@ enum result program_start(const struct program *program, pid_t *out_pid, int *ou
                           struct error *err) {
     char path[PATH_MAX];
     int pipes[2] = {-1, -1};
-    enum result result = beside_us(program->words[0], path, sizeof path, err);
+    bool is_ours = !strchr(program->words[0], '/');
+    snprintf(path, sizeof path, "%s", program->words[0]);
+    enum result result = is_ours ? beside_us(program->words[0], path, sizeof path, err) : RESULT_OK;
     if (result != RESULT_OK)
         return result;
     if (out_fd && pipe2(pipes, O_CLOEXEC))
@@ -56,4 +68,48 @@ enum result program_start(const struct program *program, pid_t *out_pid, int *ou
         *out_fd = pipes[0];
     }
     return RESULT_OK;
+}
+
+// ---- what it says -------------------------------------------------------------------------------
+
+bool program_says(const char *log, const char *text) {
+    char line[512];
+    bool found = false;
+    FILE *file = fopen(log, "r");
+    while (file && !found && fgets(line, sizeof line, file))
+        found = strstr(line, text) != NULL;
+    if (file)
+        fclose(file);
+    return found;
+}
+
+enum result program_wait(pid_t pid, const char *log, const char *text, struct error *err) {
+    int64_t end_ns = clock_now_ns() + PATIENCE_NS;
+    while (!program_says(log, text)) {
+        bool ended = waitpid(pid, NULL, WNOHANG) == pid;
+        if (ended || clock_now_ns() > end_ns)
+            return fail(err, RESULT_CLOSED, "%s: a program %s and did not say %s", log,
+                        ended ? "ended" : "took a minute", text);
+        nanosleep(&look, NULL);
+    }
+    return RESULT_OK;
+}
+
+void program_end(pid_t *pid, int signal_number) {
+    if (*pid > 0) {
+        kill(*pid, signal_number);
+        waitpid(*pid, NULL, 0);
+    }
+    *pid = 0;
+}
+
+int program_port(void) {
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof address;
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    int failed = fd < 0 || bind(fd, (struct sockaddr *)&address, size) ||
+                 getsockname(fd, (struct sockaddr *)&address, &size);
+    NEED(!failed, "port");
+    close(fd);
+    return ntohs(address.sin_port);
 }

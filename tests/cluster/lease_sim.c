@@ -302,8 +302,7 @@ static void ask(struct world *w, int station) {
     put(w, (struct event){.at_ns = w->now_ns + again_ns, .what = ASK, .station = station});
 }
 
-// ---- what must never be
-// ---------------------------------------------------------------------------
+// ---- what must never be -------------------------------------------------------------------------
 
 static int owners_of(const struct world *w, int station) {
     int count = 0;
@@ -315,15 +314,20 @@ static int owners_of(const struct world *w, int station) {
     return count;
 }
 
+// A station gets an owner as its key is seen or the write of it is answered; and all of a server's
+// get theirs back as its renewal is answered.
 static void look(struct world *w, const struct event *event) {
-    if (event->what == ANSWER || event->what == SEEN)
-        for (int i = 0; i < w->sim->stations; i++)
-            if (event->write.server || event->write.station == i || event->station == i)
-                w->figures.double_owners += owners_of(w, i) > 1;
+    if (event->what != ANSWER && event->what != SEEN)
+        return;
+    const struct ownership *o = w->nodes[event->server].ownership;
+    if (!event->write.server)
+        w->figures.double_owners += owners_of(w, event->write.station) > 1;
+    for (int i = 0; event->write.server && event->what == ANSWER && o && i < w->sim->stations; i++)
+        if (ownership_of(o, i) == OWNER_SELF)
+            w->figures.double_owners += owners_of(w, i) > 1;
 }
 
-// ---- the course
-// -----------------------------------------------------------------------------------
+// ---- the course ---------------------------------------------------------------------------------
 
 static void see(struct node *node, const struct event *event) {
     char name[SERVER_NAME_SIZE];

@@ -20,6 +20,7 @@
 #define JOURNAL_NS (20 * NS_PER_MS)
 #define IN_FLIGHT_MAX 64
 #define MARKER_NS (5 * NS_PER_S)
+#define UNPROTECTED_NS (2 * NS_PER_S) // a message is on its way for some ms with each cut
 #define LEAVE_NS (2 * NS_PER_S)
 #define OF_JOURNAL (UINT64_C(1) << 63) // ids of writes that are no keys'
 #define FIRST_OF_BASE (UINT64_C(1) << 62)
@@ -34,6 +35,7 @@ struct station_part {
     atomic_bool lost;                 // an answer that was none
     atomic_uint_fast64_t base_begins; // sequence of the newest base's first message; 0: none
     uint64_t purged;                  // before it
+    atomic_int_fast64_t whole_ns;     // when another server could last go on; 0: never
 };
 
 struct heard {
@@ -222,7 +224,7 @@ static void on_changed(void *user, int station, enum station_owner owner) {
         journal_own(part->journal, token);
         pthread_mutex_unlock(&part->lock);
         c->handler.owned(c->handler.user, station, token);
-    } else if (owner == OWNER_ELSEWHERE) {
+    } else if (owner == OWNER_ELSEWHERE || owner == OWNER_NONE) {
         c->handler.lost(c->handler.user, station);
     }
 }
@@ -322,27 +324,42 @@ static void purge(struct cluster *c, struct station_part *part) {
     part->purged = begins;
 }
 
+static bool is_whole(struct cluster *c, struct station_part *part) {
+    pthread_mutex_lock(&part->lock);
+    bool whole = journal_is_whole(part->journal);
+    pthread_mutex_unlock(&part->lock);
+    return whole && !atomic_load(&part->in_flight) && !atomic_load(&part->lost) &&
+           atomic_load(&c->connected);
+}
+
+// While NATS is away a newer state still makes the records behind it fewer.
 static void serve_journal(struct cluster *c, int station) {
     struct station_part *part = &c->stations[station];
     char trace[JOURNAL_PATH_MAX] = "";
+    bool is_away = !atomic_load(&c->connected);
     pthread_mutex_lock(&part->lock);
-    if (atomic_exchange(&part->lost, false))
+    if (atomic_exchange(&part->lost, false) || is_away)
         journal_break(part->journal);
-    const char *wanted = journal_wants_state(part->journal, clock_now_ns());
+    const char *wanted = is_away ? journal_newer_state(part->journal)
+                                 : journal_wants_state(part->journal, clock_now_ns());
     if (wanted)
         snprintf(trace, sizeof trace, "%s", wanted);
     pthread_mutex_unlock(&part->lock);
     if (trace[0])
         put_state(part, trace);
+    if (is_away)
+        return;
     publish(c, station);
     purge(c, part);
+    if (is_whole(c, part))
+        atomic_store(&part->whole_ns, clock_now_ns());
 }
 
 static void *write_journals(void *argument) {
     static const struct timespec pause = {.tv_nsec = JOURNAL_NS};
     struct cluster *c = argument;
     while (!atomic_load(&c->ends)) {
-        for (int i = 0; i < c->station_count && atomic_load(&c->connected); i++)
+        for (int i = 0; i < c->station_count; i++)
             serve_journal(c, i);
         nanosleep(&pause, NULL);
     }
@@ -503,6 +520,7 @@ const atomic_int_fast64_t *cluster_serves_until(const struct cluster *c) {
 
 void cluster_begin(struct cluster *c, int station, const struct trace_header *header,
                    const char *trace, const struct job *asked) {
+    atomic_store(&c->stations[station].whole_ns, 0);
     pthread_mutex_lock(&c->stations[station].lock);
     journal_begin(c->stations[station].journal, header, trace, asked);
     pthread_mutex_unlock(&c->stations[station].lock);
@@ -533,16 +551,20 @@ void cluster_leave(struct cluster *c, int station) {
 }
 
 bool cluster_protects(struct cluster *c, int station) {
-    struct station_part *part = &c->stations[station];
+    int64_t whole_ns = atomic_load(&c->stations[station].whole_ns);
+    return whole_ns && clock_now_ns() - whole_ns < UNPROTECTED_NS;
+}
+
+static bool has_nothing(struct station_part *part) {
     pthread_mutex_lock(&part->lock);
-    bool whole = journal_is_whole(part->journal);
+    bool empty = journal_is_empty(part->journal);
     pthread_mutex_unlock(&part->lock);
-    return whole && !atomic_load(&part->in_flight) && !atomic_load(&part->lost) &&
-           atomic_load(&c->connected);
+    return empty;
 }
 
 enum result cluster_flush(struct cluster *c, int station, int64_t until_ns, struct error *err) {
-    while (!cluster_protects(c, station)) {
+    struct station_part *part = &c->stations[station];
+    while (!is_whole(c, part) && !has_nothing(part)) {
         if (clock_now_ns() >= until_ns)
             return fail(err, RESULT_TIMEOUT, "station %s: its journal is not whole in time",
                         c->names[station]);

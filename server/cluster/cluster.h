@@ -21,7 +21,7 @@ struct cluster_handler {
     // The station is this server's by this token, anew perhaps. Its session may be one of another
     // server (cluster_read).
     void (*owned)(void *user, int station, uint64_t token);
-    // It is this server's no more, and not by its will: another one has it.
+    // It is not this server's, perhaps no more.
     void (*lost)(void *user, int station);
 };
 
@@ -61,9 +61,10 @@ void cluster_record(struct cluster *cluster, int station, const struct trace_rec
 void cluster_kept(struct cluster *cluster, int station);
 void cluster_end(struct cluster *cluster, int station);
 void cluster_leave(struct cluster *cluster, int station);
-// Whether another server could go on with the session, and would lack nothing but poses.
+// Whether another server could go on with the session, and would lack at most what came in the last
+// seconds.
 bool cluster_protects(struct cluster *cluster, int station);
-// Waits until that is so. RESULT_TIMEOUT.
+// Waits until it would lack nothing but poses. RESULT_TIMEOUT.
 enum result cluster_flush(struct cluster *cluster, int station, int64_t until_ns,
                           struct error *err);
 

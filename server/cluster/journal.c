@@ -11,6 +11,7 @@
 #define JOBS_APART 12 // a new base: what a takeover runs again takes less than a second
 #define BASES_APART_NS (120 * NS_PER_S)
 #define MORE_MAX (JET_PART_MAX - TRACE_PACKED_MAX)
+#define SINCE_MAX ((size_t)64 << 20) // of a session whose state cannot be kept
 
 // ---- bytes --------------------------------------------------------------------------------------
 
@@ -155,6 +156,8 @@ void journal_record(struct journal_writer *w, const struct trace_record *tapped)
     w->jobs += record.type == TRACE_TAKEN;
     if (w->has_base)
         append(&w->more, packed, size);
+    if (w->since.size > SINCE_MAX)
+        clear_session(w);
 }
 
 void journal_kept(struct journal_writer *w) {
@@ -164,6 +167,10 @@ void journal_kept(struct journal_writer *w) {
 void journal_break(struct journal_writer *w) {
     w->has_base = false;
     w->base.size = w->more.size = w->given = 0;
+}
+
+const char *journal_newer_state(const struct journal_writer *w) {
+    return w->is_newer ? w->trace : NULL;
 }
 
 const char *journal_wants_state(const struct journal_writer *w, int64_t now_ns) {
@@ -270,6 +277,10 @@ bool journal_next(struct journal_writer *w, struct jet_message *out) {
 
 bool journal_owns(const struct journal_writer *w) {
     return w->token && !w->owned;
+}
+
+bool journal_is_empty(const struct journal_writer *w) {
+    return !w->kept && !w->has_base;
 }
 
 bool journal_is_whole(const struct journal_writer *w) {

@@ -36,7 +36,7 @@ void journal_begin(struct journal_writer *writer, const struct trace_header *hea
 void journal_end(struct journal_writer *writer); // it has ended
 // It goes on elsewhere: nothing more is written.
 void journal_leave(struct journal_writer *writer);
-// As its trace tells by a tap.
+// As its trace tells by a tap. A session whose states cannot be kept is given up at last.
 void journal_record(struct journal_writer *writer, const struct trace_record *tapped);
 // A state of it is on disk.
 void journal_kept(struct journal_writer *writer);
@@ -45,6 +45,8 @@ void journal_break(struct journal_writer *writer);
 
 // Path of the trace whose state the next base needs; NULL: none is needed. now_ns: monotonic.
 const char *journal_wants_state(const struct journal_writer *writer, int64_t now_ns);
+// The same of one that is newer than the last base; NULL: there is none.
+const char *journal_newer_state(const struct journal_writer *writer);
 // Makes the base. bytes: of the state file; its place tells which records it has already. None
 // (NULL): it could not be read. False: no base came of it.
 bool journal_put_state(struct journal_writer *writer, const uint8_t *bytes, size_t size,
@@ -55,6 +57,8 @@ bool journal_next(struct journal_writer *writer, struct jet_message *out_message
 
 // Whether `owned` was given out.
 bool journal_owns(const struct journal_writer *writer);
+// Whether no state of a session is there yet: nothing can be lost.
+bool journal_is_empty(const struct journal_writer *writer);
 // Whether a base and all that came behind it was given out.
 bool journal_is_whole(const struct journal_writer *writer);
 

@@ -214,6 +214,8 @@ void opening_release(struct sessions *s, int station, struct session_runtime *en
     } else {
         close_trace(s, station, session, end);
     }
+    if (end == END_HANDED_OVER)
+        station_slot_set_state(&s->slots[station], ended->serial, SESSION_CLOSED);
     sharing_ended(s, station, ended->trace_file, end == END_HANDED_OVER);
     session_destroy(&ended->session);
     operation_destroy(&ended->operation);

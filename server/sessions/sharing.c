@@ -59,8 +59,8 @@ static void on_owned(void *user, int station, uint64_t token) {
 static void on_lost(void *user, int station) {
     struct sessions *s = user;
     atomic_store(&shared(s, station)->token, 0);
-    if (atomic_exchange(&shared(s, station)->ready, 0))
-        manager_lose(s, station);
+    atomic_store(&shared(s, station)->ready, 0);
+    manager_lose(s, station); // behind a take that is under way
 }
 
 static void on_record(void *user, const struct trace_record *record) {
@@ -329,10 +329,11 @@ void sharing_take(struct sessions *s, int station) {
 }
 
 void sharing_lose(struct sessions *s, int station) {
-    struct station_status status;
-    station_slot_status(&s->slots[station], &status);
-    log_warning("sessions", "station %s: another server has it now%s", station_name(s, station),
-                status.phase == SLOT_EMPTY ? "" : "; its session here ends");
+    struct shared_station *one = shared(s, station);
+    if (atomic_load(&one->token) || atomic_load(&one->moves) || !has_session(s, station))
+        return;
+    log_warning("sessions", "station %s: another server has it now; its session here ends",
+                station_name(s, station));
     if (!leave_session(s, station))
         log_error("sessions", "station %s: its session here could not be left",
                   station_name(s, station));

@@ -461,7 +461,7 @@ static void a_session_that_follows_one_that_was_handed_over_has_none_of_its_cuts
     (void)state;
     struct sessions *sessions = hall_open();
     hall_join(sessions);
-    for (int i = 0; i < 10; i++) {
+    for (int i = 0; i < 4; i++) {
         uint64_t serial = hall_status(sessions).about.serial;
         hold_a_cut(sessions);
         assert_true(runtime_hand_over(sessions_runtime(sessions), 0));

@@ -33,6 +33,10 @@ def changes(values):
 
 
 class InTheHall(unittest.TestCase):
+    @staticmethod
+    def stand():
+        return hall
+
     def setUp(self):
         hall.injected, hall.recovered = [], {}
         self.before = {room: self.training(room) for room in ROOMS}

@@ -1,4 +1,4 @@
-"""A training hall in containers: the project's own compose file under a name of its own."""
+"""What the tests run in containers, and a training hall of it."""
 
 import csv
 import json
@@ -23,41 +23,64 @@ def wait_until(what, condition, seconds=PATIENCE_S):
     raise AssertionError(f"waited {seconds} s in vain: {what}")
 
 
-class Hall:
-    def __init__(self, source, tag):
-        self.project = f"arthron-test-{os.getpid()}"
+class Stand:
+    """What a compose file of the project runs, under a name of its own."""
+
+    def __init__(self, source, tag, file):
+        self.project = f"arthron-test-{os.getpid()}-{os.path.splitext(file)[0]}"
         self.tag = tag
-        self.file = os.path.join(source, "docker", "compose.yaml")
+        self.file = os.path.join(source, "docker", file)
         self.injected = []  # what the running test did from outside
         self.recovered = {}  # room: seconds from the fault's end to the first frame with all devices
 
     def compose(self, *arguments):
         tool = ["docker-compose"] if shutil.which("docker-compose") else ["docker", "compose"]
+        any_port = {name: "" for name in ("ARTHRON_CONSOLE", *(f"ARTHRON_CONSOLE_{server}" for server in "ABC"))}
         return run(*tool, "-p", self.project, "-f", self.file, *arguments, timeout=180,
-                   env=dict(os.environ, ARTHRON_TAG=self.tag, ARTHRON_CONSOLE=""))  # "": any free port
+                   env=dict(os.environ, ARTHRON_TAG=self.tag, **any_port))
 
     def open(self):
         self.compose("up", "-d", "--no-build")
-        self.containers = {service: self.compose("ps", "-q", service).stdout.strip()
-                           for service in ("server", *ROOMS, "mockup-1", "mockup-2", "mockup-3")}
+        services = self.compose("config", "--services").stdout.split()
+        ids = {service: self.compose("ps", "-q", service).stdout.strip() for service in services}
+        self.containers = {service: id for service, id in ids.items() if id}
 
     def close(self):
         self.compose("down", "--volumes", "--timeout", "5")
 
-    # ---- questions
-
     def inspect(self, service):
         return json.loads(docker("inspect", self.containers[service]).stdout)[0]
+
+    def on(self, service, *command, check=True):
+        return docker("exec", self.containers[service], *command, check=check)
+
+    def sessions_of(self, server):
+        listed = self.on(server, "arthron-server", "session", "--socket", SOCKET, "list", "--json", check=False)
+        return json.loads(listed.stdout)["sessions"] if listed.returncode == 0 else []
+
+    def inject(self, *command):
+        """docker COMMAND SERVICE, and remembers it for the report."""
+        words = [self.containers.get(word, word) for word in command]
+        self.injected.append(" ".join(command))
+        return docker(*words)
+
+
+class Hall(Stand):
+    """A training hall: one server and three rooms."""
+
+    def __init__(self, source, tag):
+        super().__init__(source, tag, "compose.yaml")
+
+    # ---- questions
 
     def address(self, room):
         return self.inspect(room)["NetworkSettings"]["Networks"][f"{self.project}_center"]["IPAddress"]
 
     def on_server(self, *command, check=True):
-        return docker("exec", self.containers["server"], *command, check=check)
+        return self.on("server", *command, check=check)
 
     def sessions(self):
-        listed = self.on_server("arthron-server", "session", "--socket", SOCKET, "list", "--json", check=False)
-        return json.loads(listed.stdout)["sessions"] if listed.returncode == 0 else []
+        return self.sessions_of("server")
 
     def session(self, room):
         return next((s for s in self.sessions() if s["station"] == room), None)
@@ -91,12 +114,6 @@ class Hall:
         self.wait_for(room, "steps without frames", lambda row: row["frame_number"] == "0", since, steps=5)
 
     # ---- what is done to it from outside
-
-    def inject(self, *command):
-        """docker COMMAND SERVICE, and remembers it for the report."""
-        words = [self.containers.get(word, word) for word in command]
-        self.injected.append(" ".join(command))
-        return docker(*words)
 
     def plug(self, action, network, service, *options):
         self.injected.append(f"network {action} {network} {service}")

@@ -316,11 +316,9 @@ static void publish(struct cluster *c, int station) {
     pthread_mutex_unlock(&part->lock);
 }
 
-// NATS takes "before the first message" as all messages.
 static void purge(struct cluster *c, struct station_part *part) {
     uint64_t begins = atomic_load(&part->base_begins);
-    if (begins <= 1 || begins == part->purged || atomic_load(&part->in_flight) ||
-        atomic_load(&part->lost))
+    if (begins == part->purged || atomic_load(&part->in_flight) || atomic_load(&part->lost))
         return;
     jet_purge(c->jet, part->subject, begins);
     part->purged = begins;

@@ -132,6 +132,8 @@ void jet_publish(struct jet *jet, uint64_t id, const struct jet_message *m) {
 
 void jet_purge(struct jet *jet, const char *subject, uint64_t before) {
     char request[JET_TEXT_SIZE + 64];
+    if (before == 1) // NATS would take that for all
+        return;
     if (before)
         snprintf(request, sizeof request, "{\"filter\":\"%s\",\"seq\":%" PRIu64 "}", subject,
                  before);

@@ -61,7 +61,7 @@ struct placed {
 
 struct journal_writer {
     uint64_t token, number;
-    bool owned; // `owned` is to be given out
+    bool owns, owned; // since journal_own; `owned` is to be given out
 
     bool runs, ends; // a session; `ended` is to be given out
     char trace[JOURNAL_PATH_MAX];
@@ -108,7 +108,7 @@ void journal_writer_destroy(struct journal_writer **writer) {
 void journal_own(struct journal_writer *w, uint64_t token) {
     w->token = token;
     w->number = 0;
-    w->owned = true;
+    w->owns = true;
     w->ends = false;
     journal_break(w);
 }
@@ -130,7 +130,7 @@ void journal_end(struct journal_writer *w) {
 
 void journal_leave(struct journal_writer *w) {
     clear_session(w);
-    w->owned = false;
+    w->owns = w->owned = false;
 }
 
 static void place(struct journal_writer *w, uint64_t offset) {
@@ -165,6 +165,7 @@ void journal_kept(struct journal_writer *w) {
 }
 
 void journal_break(struct journal_writer *w) {
+    w->owned = w->owns;
     w->has_base = false;
     w->base.size = w->more.size = w->given = 0;
 }

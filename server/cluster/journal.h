@@ -40,7 +40,7 @@ void journal_leave(struct journal_writer *writer);
 void journal_record(struct journal_writer *writer, const struct trace_record *tapped);
 // A state of it is on disk.
 void journal_kept(struct journal_writer *writer);
-// A message was lost, or may be: the journal needs a new base.
+// A message was lost, or may be: `owned` is given out again, and a new base is needed.
 void journal_break(struct journal_writer *writer);
 
 // Path of the trace whose state the next base needs; NULL: none is needed. now_ns: monotonic.

@@ -174,6 +174,7 @@ static void a_new_base_mends_what_was_lost(void **state) {
     drain(writer, &stream);
     journal_break(writer);
     assert_false(journal_is_whole(writer));
+    assert_false(journal_owns(writer)); // which may be what was lost
     tell_remark(writer, 3);
     assert_true(journal_put_state(writer, state_bytes, state_size, 2));
     drain(writer, &stream);

@@ -54,7 +54,7 @@ void manager_notify(void *user) {
 
 // ---- opening and releasing ----------------------------------------------------------------------
 
-enum task_kind { TASK_OPEN, TASK_RELEASE, TASK_ATTEMPT, TASK_TAKE, TASK_LOSE };
+enum task_kind { TASK_OPEN, TASK_RELEASE, TASK_ATTEMPT, TASK_WORK };
 
 struct station_task {
     struct sessions *sessions;
@@ -62,7 +62,8 @@ struct station_task {
     enum task_kind kind;
     struct session_runtime *ended; // TASK_RELEASE
     enum session_end end;
-    struct session_attempt *attempt; // TASK_ATTEMPT
+    struct session_attempt *attempt;                      // TASK_ATTEMPT
+    void (*work)(struct sessions *sessions, int station); // TASK_WORK
 };
 
 static int64_t run_task(void *data) {
@@ -78,11 +79,8 @@ static int64_t run_task(void *data) {
     case TASK_ATTEMPT:
         attempts_release(task->sessions, task->station, task->attempt);
         break;
-    case TASK_TAKE:
-        sharing_take(task->sessions, task->station);
-        break;
-    case TASK_LOSE:
-        sharing_lose(task->sessions, task->station);
+    case TASK_WORK:
+        task->work(task->sessions, task->station);
         break;
     }
     return TASK_DONE;
@@ -118,12 +116,10 @@ void manager_open(struct sessions *s, int station) {
         give_task(s, (struct station_task){.sessions = s, .station = station});
 }
 
-void manager_take(struct sessions *s, int station) {
-    give_task(s, (struct station_task){.sessions = s, .station = station, .kind = TASK_TAKE});
-}
-
-void manager_lose(struct sessions *s, int station) {
-    give_task(s, (struct station_task){.sessions = s, .station = station, .kind = TASK_LOSE});
+void manager_run(struct sessions *s, int station,
+                 void (*work)(struct sessions *sessions, int station)) {
+    give_task(s, (struct station_task){
+                     .sessions = s, .station = station, .kind = TASK_WORK, .work = work});
 }
 
 // A station that comes back with other instruments gets a new session: in the old one its channels

@@ -17,10 +17,10 @@ void manager_open(struct sessions *sessions, int station);
 // Looks at the station soon: it may need a session, or another one. From any thread, never waits.
 void manager_call(struct sessions *sessions, int station);
 
-// Runs sharing_take or sharing_lose (sharing.h) on a thread of the pool. From any thread, never
-// waits.
-void manager_take(struct sessions *sessions, int station);
-void manager_lose(struct sessions *sessions, int station);
+// Runs `work` on a thread of the pool, behind what the station has there. From any thread, never
+// waits. Not done where the server ends.
+void manager_run(struct sessions *sessions, int station,
+                 void (*work)(struct sessions *sessions, int station));
 
 // Whether sessions may be opened and controlled: between manager_start and manager_stop.
 bool manager_opens(const struct sessions *sessions);

@@ -135,7 +135,7 @@ static enum result open_session(struct sessions *s, int station, struct error *e
                                      &trace, err);
     if (result != RESULT_OK)
         return result;
-    sharing_begun(s, station, &header, path, NULL);
+    sharing_begun(s, station, &header, path, &(struct job){0}, &(struct lasting_records){0});
     struct open_session *session = alloc(1, sizeof *session);
     struct session_runtime *runtime = &session->runtime;
     runtime->trace = trace;

@@ -205,13 +205,13 @@ static enum result take_state(struct resume_run *r, const struct trace_state *st
 
 // ---- all of it ----------------------------------------------------------------------------------
 
-static void keep_standing(struct restored *a, const struct trace_record *record) {
-    if (a->standing_room - a->standing_size < TRACE_PACKED_MAX) {
-        a->standing_room = 2 * a->standing_room + 2 * TRACE_PACKED_MAX;
-        a->standing = alloc_resize(a->standing, a->standing_room, 1);
+static void keep_lasting(struct lasting_records *lasting, const struct trace_record *record,
+                         int rules) {
+    if (lasting->room - lasting->size < TRACE_PACKED_MAX) {
+        lasting->room = 2 * lasting->room + 2 * TRACE_PACKED_MAX;
+        lasting->bytes = alloc_resize(lasting->bytes, lasting->room, 1);
     }
-    a->standing_size +=
-        trace_record_pack(record, a->header.settings.rules, a->standing + a->standing_size);
+    lasting->size += trace_record_pack(record, rules, lasting->bytes + lasting->size);
 }
 
 static bool on_record(void *user, const struct trace_record *record) {
@@ -219,7 +219,7 @@ static bool on_record(void *user, const struct trace_record *record) {
     struct restored *a = r->restored;
     bool is_kept = record->offset < r->kept;
     if (trace_journal_outlasts_state(record->type))
-        keep_standing(a, record);
+        keep_lasting(&a->lasting, record, a->header.settings.rules);
     if (sessions_are_ending(r->sessions))
         r->result = fail(r->err, RESULT_TIMEOUT, "%s: the server ends", r->path);
     else if (r->at_s && is_behind(a, record, *r->at_s))
@@ -403,8 +403,8 @@ void restore_fini(struct restored *a) {
     remarks_fini(&a->remarks);
     marker_list_fini(&a->markers);
     attempts_free(&a->attempt);
-    free(a->standing);
-    a->standing = NULL;
+    free(a->lasting.bytes);
+    a->lasting = (struct lasting_records){0};
     while (a->ended) {
         struct session_attempt *next = a->ended->next;
         attempts_free(&a->ended);

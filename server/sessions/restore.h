@@ -5,6 +5,7 @@
 #pragma once
 
 #include "sessions/opening.h"
+#include "sessions/sharing.h"
 #include "task/attempt_keep.h"
 
 struct restored {
@@ -13,9 +14,7 @@ struct restored {
     uint64_t kept_step;       // the last one that needed not be run; 0: all were
     enum session_state state;
     struct job asked; // what the session waits for; id 0: nothing
-    // Records that outlast a state, packed (trace/part.h), in order.
-    uint8_t *standing;
-    size_t standing_size, standing_room;
+    struct lasting_records lasting;
     int scene;              // index of its case in the config; -1: not a case of this server
     struct metrics metrics; // of the steps recorded in this trace
     struct snapshot_maker snapshots;

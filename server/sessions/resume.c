@@ -251,7 +251,8 @@ static void attach(struct resumed *r) {
     session_row_begin(&r->restored.header, r->path, &r->restored.session->row);
     recorder_put(s->recorder, &r->restored.session->row);
     put_attempts(r);
-    sharing_begun(s, r->station, &r->restored.header, r->path, &r->restored);
+    sharing_begun(s, r->station, &r->restored.header, r->path, &r->restored.asked,
+                  &r->restored.lasting);
     r->restored.session = NULL;
     opening_hand_over(s, r->station, &about, runtime, &r->restored.remarks, &r->restored.markers);
 }

@@ -9,6 +9,7 @@
 #include "sessions/commands.h"
 #include "sessions/fork.h"
 #include "sessions/manager.h"
+#include "sessions/moving.h"
 #include "sessions/own.h"
 #include "sessions/resume.h"
 #include "sessions/session_list.h"
@@ -211,7 +212,7 @@ static enum result prepare(struct sessions *s, struct error *err) {
     if (result == RESULT_OK)
         result = load_cases(s, err);
     if (result == RESULT_OK)
-        result = sharing_create(s, err);
+        result = moving_create(s, err);
     if (result == RESULT_OK)
         result = start_runtime(s, err);
     if (result != RESULT_OK)
@@ -293,7 +294,7 @@ static void end(struct sessions **sessions, bool hand_over) {
     if (s->console)
         console_destroy(&s->console);
     if (hand_over)
-        sharing_move_all(s);
+        moving_all(s);
     manager_stop(s);
     runtime_stop(s->runtime, hand_over);
     if (s->control)

@@ -3,65 +3,12 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "cluster/cluster.h"
-#include "sessions/manager.h"
-#include "sessions/resume.h"
-#include "sessions/takeover.h"
 
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define RETRY_MS 50
-#define AWAY_RETRY_MS 500
 #define FLUSH_NS (2 * NS_PER_S)
-#define MOVE_NS (5 * NS_PER_S)
-static const struct timespec moment = {.tv_nsec = NS_PER_MS};
-
-struct shared_station {
-    struct sessions *sessions;
-    int station;
-    struct trace_tap tap;
-    atomic_uint_fast64_t token; // by which this server has the station; 0: it has not
-    atomic_uint_fast64_t
-        ready; // the token by which it serves it: its session is here, if it has one
-    atomic_uint_fast64_t begun; // the token by which the session here was begun or taken over
-    atomic_bool takes, moves;
-    pthread_mutex_t lock; // of the trace's path
-    char trace[SESSIONS_PATH_MAX];
-};
-
-struct sharing {
-    struct cluster *cluster;
-    const char **names;
-    struct shared_station *stations;
-};
-
-static struct shared_station *shared(const struct sessions *s, int station) {
-    return &s->sharing->stations[station];
-}
-
-// ---- what the cluster tells ---------------------------------------------------------------------
-
-static void take_soon(struct sessions *s, int station) {
-    if (!atomic_exchange(&shared(s, station)->takes, true))
-        manager_take(s, station);
-}
-
-static void on_owned(void *user, int station, uint64_t token) {
-    struct sessions *s = user;
-    atomic_store(&shared(s, station)->token, token);
-    atomic_store(&shared(s, station)->moves, false);
-    take_soon(s, station);
-}
-
-static void on_lost(void *user, int station) {
-    struct sessions *s = user;
-    atomic_store(&shared(s, station)->token, 0);
-    atomic_store(&shared(s, station)->ready, 0);
-    manager_lose(s, station); // behind a take that is under way
-}
 
 static void on_record(void *user, const struct trace_record *record) {
     struct shared_station *one = user;
@@ -92,9 +39,9 @@ static void release(struct sessions *s, struct sharing *sharing) {
     free(sharing);
 }
 
-enum result sharing_create(struct sessions *s, struct error *err) {
+enum result sharing_create(struct sessions *s, const struct cluster_handler *handler,
+                           struct error *err) {
     char life[SESSIONS_PATH_MAX + 16];
-    const struct cluster_handler handler = {s, on_owned, on_lost};
     if (!s->config.cluster.jet.name[0])
         return RESULT_OK;
     s->sharing = alloc(1, sizeof *s->sharing);
@@ -102,7 +49,7 @@ enum result sharing_create(struct sessions *s, struct error *err) {
     snprintf(life, sizeof life, "%s/cluster.life", s->config.traces_dir);
     enum result result =
         cluster_create(&s->config.cluster, s->sharing->names, s->config.station_count, life,
-                       &handler, &s->sharing->cluster, err);
+                       handler, &s->sharing->cluster, err);
     if (result == RESULT_OK)
         return RESULT_OK;
     release(s, s->sharing);
@@ -123,43 +70,6 @@ const atomic_int_fast64_t *sharing_serves_until(const struct sessions *s) {
 }
 
 // ---- whom it serves -----------------------------------------------------------------------------
-
-static void say_elsewhere(const char *station, const char *server, arthron_Refusal *refusal) {
-    refusal->reason = arthron_Refusal_Reason_ELSEWHERE;
-    snprintf(refusal->server, sizeof refusal->server, "%s", server);
-    snprintf(refusal->text, sizeof refusal->text, "station %s is served by %s", station, server);
-}
-
-static void say_later(const char *station, bool is_away, arthron_Refusal *refusal) {
-    refusal->reason = arthron_Refusal_Reason_BUSY;
-    refusal->retry_ms = is_away ? AWAY_RETRY_MS : RETRY_MS;
-    snprintf(refusal->text, sizeof refusal->text,
-             is_away ? "station %s: this server cannot tell who serves it, as NATS does not answer"
-                     : "station %s: this server takes it over",
-             station);
-}
-
-bool sharing_hello(struct sessions *s, int station, arthron_Refusal *refusal, uint64_t *out_token) {
-    char server[SERVER_ADDRESS_SIZE];
-    *out_token = 0;
-    if (!s->sharing)
-        return true;
-    if (atomic_load(&shared(s, station)->moves) &&
-        cluster_other(s->sharing->cluster, station, server)) {
-        say_elsewhere(station_name(s, station), server, refusal);
-        return false;
-    }
-    enum station_owner owner = cluster_want(s->sharing->cluster, station, server, out_token);
-    if (sharing_serves(s, station))
-        return true;
-    if (owner == OWNER_SELF)
-        take_soon(s, station);
-    if (owner == OWNER_ELSEWHERE && server[0])
-        say_elsewhere(station_name(s, station), server, refusal);
-    else
-        say_later(station_name(s, station), owner == OWNER_NONE, refusal);
-    return false;
-}
 
 bool sharing_serves(const struct sessions *s, int station) {
     if (!s->sharing)
@@ -198,27 +108,27 @@ static void set_trace(struct shared_station *one, const char *trace) {
     pthread_mutex_unlock(&one->lock);
 }
 
-static void tell_standing(struct sessions *s, int station, const struct restored *restored) {
+static void tell_lasting(struct sessions *s, int station, const struct lasting_records *lasting,
+                         int rules) {
     struct trace_record record;
     size_t at = 0;
-    while (trace_record_unpack(restored->standing, restored->standing_size,
-                               restored->header.settings.rules, &at, &record, NULL) == RESULT_OK)
+    while (trace_record_unpack(lasting->bytes, lasting->size, rules, &at, &record, NULL) ==
+           RESULT_OK)
         cluster_record(s->sharing->cluster, station, &record);
 }
 
 void sharing_begun(struct sessions *s, int station, const struct trace_header *header,
-                   const char *trace, const struct restored *restored) {
-    static const struct job none;
+                   const char *trace, const struct job *asked,
+                   const struct lasting_records *lasting) {
     if (!s->sharing)
         return;
     atomic_store(&shared(s, station)->begun, atomic_load(&shared(s, station)->token));
     set_trace(shared(s, station), trace);
-    cluster_begin(s->sharing->cluster, station, header, trace, restored ? &restored->asked : &none);
-    if (restored)
-        tell_standing(s, station, restored);
+    cluster_begin(s->sharing->cluster, station, header, trace, asked);
+    tell_lasting(s, station, lasting, header->settings.rules);
 }
 
-static void send_on(struct sessions *s, int station) {
+void sharing_send_on(struct sessions *s, int station) {
     char server[SERVER_ADDRESS_SIZE];
     struct station_status status;
     station_slot_status(&s->slots[station], &status);
@@ -226,8 +136,7 @@ static void send_on(struct sessions *s, int station) {
         control_move(s->control, status.peer, server);
 }
 
-// The next server can take the station once all is in the journal and the key is free.
-static void give_away(struct sessions *s, int station) {
+void sharing_give_away(struct sessions *s, int station) {
     struct error err;
     if (atomic_load(&shared(s, station)->begun) &&
         cluster_flush(s->sharing->cluster, station, clock_now_ns() + FLUSH_NS, &err) != RESULT_OK)
@@ -236,7 +145,7 @@ static void give_away(struct sessions *s, int station) {
     atomic_store(&shared(s, station)->token, 0);
     if (cluster_release(s->sharing->cluster, station, clock_now_ns() + FLUSH_NS, &err) != RESULT_OK)
         log_warning("sessions", "%s", err.text);
-    send_on(s, station);
+    sharing_send_on(s, station);
 }
 
 // Where another session has begun here since, the journal is of that one.
@@ -253,7 +162,7 @@ void sharing_ended(struct sessions *s, int station, const char *trace, bool goes
     if (!goes_on)
         cluster_end(s->sharing->cluster, station);
     else if (atomic_load(&one->moves))
-        give_away(s, station);
+        sharing_give_away(s, station);
     else
         cluster_leave(s->sharing->cluster, station);
     atomic_store(&one->begun, 0);
@@ -269,95 +178,4 @@ void sharing_kept(void *sessions, const char *trace) {
         if (is_of)
             cluster_kept(s->sharing->cluster, i);
     }
-}
-
-// ---- taking and leaving -------------------------------------------------------------------------
-
-// The session here is left as it is; its trace stays open.
-static bool leave_session(struct sessions *s, int station) {
-    struct station_status status;
-    int64_t until_ns = clock_now_ns() + MOVE_NS;
-    station_slot_status(&s->slots[station], &status);
-    if (status.phase != SLOT_ATTACHED && status.phase != SLOT_ENDING)
-        return true;
-    if (!runtime_hand_over(s->runtime, station) ||
-        !station_slot_wait_ended(&s->slots[station], status.about.serial, until_ns))
-        return false;
-    station_slot_set_state(&s->slots[station], status.about.serial, SESSION_CLOSED);
-    return true;
-}
-
-static bool has_session(struct sessions *s, int station) {
-    struct station_status status;
-    station_slot_status(&s->slots[station], &status);
-    return status.phase != SLOT_EMPTY;
-}
-
-// True where the station can be served.
-static bool take(struct sessions *s, int station, uint64_t token) {
-    struct journal_session session;
-    struct error err = {0};
-    struct journal_reader *reader = journal_reader_create();
-    enum result result = cluster_read(s->sharing->cluster, station, reader, &err);
-    bool is_known = result == RESULT_OK || result == RESULT_MISSING;
-    if (result == RESULT_OK)
-        result = journal_read(reader, &session, &err);
-    uint64_t begun = atomic_load(&shared(s, station)->begun);
-    bool is_here = has_session(s, station);
-    if (is_known && is_here && result == RESULT_OK && session.token > begun)
-        is_here = !leave_session(s, station);
-    if (is_known && !is_here && result == RESULT_OK && !session.has_ended)
-        result = takeover_run(s, station, token, &session, reader, &err);
-    if (result != RESULT_OK && result != RESULT_MISSING)
-        log_error("sessions", "station %s: its session at another server %s: %s",
-                  station_name(s, station), is_known ? "cannot go on here" : "is not known",
-                  err.text);
-    journal_reader_destroy(&reader);
-    return is_known;
-}
-
-void sharing_take(struct sessions *s, int station) {
-    struct shared_station *one = shared(s, station);
-    uint64_t token = atomic_load(&one->token);
-    atomic_store(&one->takes, false);
-    if (!token || atomic_load(&one->ready) == token || sessions_are_ending(s) ||
-        !take(s, station, token))
-        return;
-    atomic_store(&one->ready, token);
-    log_info("sessions", "station %s is this server's", station_name(s, station));
-    manager_call(s, station);
-}
-
-void sharing_lose(struct sessions *s, int station) {
-    struct shared_station *one = shared(s, station);
-    if (atomic_load(&one->token) || atomic_load(&one->moves) || !has_session(s, station))
-        return;
-    log_warning("sessions", "station %s: another server has it now; its session here ends",
-                station_name(s, station));
-    if (!leave_session(s, station))
-        log_error("sessions", "station %s: its session here could not be left",
-                  station_name(s, station));
-    send_on(s, station);
-}
-
-void sharing_move_all(struct sessions *s) {
-    if (!s->sharing)
-        return;
-    int64_t until_ns = clock_now_ns() + MOVE_NS;
-    uint64_t *serials = alloc((size_t)s->config.station_count, sizeof *serials);
-    for (int i = 0; i < s->config.station_count; i++) {
-        struct station_status status;
-        station_slot_status(&s->slots[i], &status);
-        bool has_one = status.phase == SLOT_ATTACHED || status.phase == SLOT_ENDING;
-        atomic_store(&shared(s, i)->ready, 0);
-        atomic_store(&shared(s, i)->moves, true);
-        if (has_one && runtime_hand_over(s->runtime, i))
-            serials[i] = status.about.serial;
-        else if (atomic_load(&shared(s, i)->token))
-            give_away(s, i);
-    }
-    for (int i = 0; i < s->config.station_count; i++)
-        while (serials[i] && atomic_load(&shared(s, i)->token) && clock_now_ns() < until_ns)
-            nanosleep(&moment, NULL);
-    free(serials);
 }

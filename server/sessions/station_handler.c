@@ -4,8 +4,8 @@
 #include "base/log.h"
 #include "sessions/calibration.h"
 #include "sessions/manager.h"
+#include "sessions/moving.h"
 #include "sessions/resources.h"
-#include "sessions/sharing.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -121,7 +121,7 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
         return refuse_station(s, station, refusal, arthron_Refusal_Reason_NO_CASE, &why);
     if (hello->visit)
         return receive_visit(s, station, welcome);
-    if (!sharing_hello(s, station, refusal, &welcome->token))
+    if (!moving_hello(s, station, refusal, &welcome->token))
         return RESULT_REFUSED;
     if (allow_session(s, station, &why) != RESULT_OK)
         return refuse_station(s, station, refusal, arthron_Refusal_Reason_BUSY, &why);

@@ -69,8 +69,9 @@ enum result store_add_account(struct store *store, const char *name, enum store_
         result = store_find_named(store, &trainee_table, trainee, &trainee_id, err);
     if (result == RESULT_OK)
         result = store_do(store,
-                          "INSERT INTO account (name, role, password, trainee_id, created_utc_ns) "
-                          "VALUES (?, ?, ?, (SELECT id FROM trainee WHERE name = ?), ?)",
+                          "INSERT INTO account (id, name, role, password, trainee_id, "
+                          "created_utc_ns) VALUES (" STORE_NEXT(
+                              "account") ", ?, ?, ?, (SELECT id FROM trainee WHERE name = ?), ?)",
                           err, "tttti", name, role_names[role], password, trainee, clock_utc_ns());
     return store_end_added(store, result, "account", err);
 }

@@ -47,20 +47,26 @@ static enum result put_attempt(struct store *store, int64_t session_id,
                                const struct attempt_row *row, struct error *err) {
     return store_do(
         store,
-        "INSERT INTO attempt (session_id, number, task, task_version, title, file_hash, purpose, "
+        "INSERT INTO attempt (id, session_id, number, task, task_version, title, file_hash, "
+        "purpose, "
         "hand, first_step, last_step, begun_utc_ns, time_s, goals, goals_met, errors, sentinel, "
         "verdict, end, pass_time_s, pass_errors, mark_version, figures, occurrences) VALUES "
-        "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
-        "ifnull(nullif(?, ''), '{}'), ifnull(nullif(?, ''), '[]')) "
-        "ON CONFLICT (session_id, number) DO UPDATE SET task = excluded.task, "
-        "task_version = excluded.task_version, title = excluded.title, "
-        "file_hash = excluded.file_hash, purpose = excluded.purpose, hand = excluded.hand, "
-        "first_step = excluded.first_step, last_step = excluded.last_step, "
-        "begun_utc_ns = excluded.begun_utc_ns, time_s = excluded.time_s, goals = excluded.goals, "
-        "goals_met = excluded.goals_met, errors = excluded.errors, sentinel = excluded.sentinel, "
-        "verdict = excluded.verdict, end = excluded.end, pass_time_s = excluded.pass_time_s, "
-        "pass_errors = excluded.pass_errors, mark_version = excluded.mark_version, "
-        "figures = excluded.figures, occurrences = excluded.occurrences",
+        "(" STORE_NEXT(
+            "attempt") ", ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
+                       "ifnull(nullif(?, ''), '{}'), ifnull(nullif(?, ''), '[]')) "
+                       "ON CONFLICT (session_id, number) DO UPDATE SET task = excluded.task, "
+                       "task_version = excluded.task_version, title = excluded.title, "
+                       "file_hash = excluded.file_hash, purpose = excluded.purpose, hand = "
+                       "excluded.hand, "
+                       "first_step = excluded.first_step, last_step = excluded.last_step, "
+                       "begun_utc_ns = excluded.begun_utc_ns, time_s = excluded.time_s, goals = "
+                       "excluded.goals, "
+                       "goals_met = excluded.goals_met, errors = excluded.errors, sentinel = "
+                       "excluded.sentinel, "
+                       "verdict = excluded.verdict, end = excluded.end, pass_time_s = "
+                       "excluded.pass_time_s, "
+                       "pass_errors = excluded.pass_errors, mark_version = excluded.mark_version, "
+                       "figures = excluded.figures, occurrences = excluded.occurrences",
         err,
         "iititttt"
         "iiiriiiittriitt",

@@ -1,4 +1,5 @@
-// The audit log: each entry has a hash over itself and the hash of the entry before it.
+// The audit log: each entry has a hash over itself and the hash of the entry before it. Servers
+// that share the records each have a chain of their own.
 #include "base/check.h"
 #include "base/clock.h"
 #include "store/database.h"
@@ -52,10 +53,27 @@ static void sql_audit_hash(sqlite3_context *context, int count, sqlite3_value **
     sqlite3_result_text(context, hash, -1, SQLITE_TRANSIENT);
 }
 
+// The SQL function number_of(text): 48 bits.
+static void sql_number_of(sqlite3_context *context, int count, sqlite3_value **values) {
+    const char *text = (const char *)sqlite3_value_text(values[0]);
+    uint8_t hash[32];
+    int64_t number = 0;
+    CHECK(count == 1);
+    int done =
+        EVP_Digest(text ? text : "", text ? strlen(text) : 0, hash, NULL, EVP_sha256(), NULL);
+    CHECK(done);
+    for (int i = 0; i < 6; i++)
+        number = number << 8 | hash[i];
+    sqlite3_result_int64(context, number);
+}
+
 enum result store_add_functions(struct store *store, struct error *err) {
-    int code = sqlite3_create_function(store->db, "audit_hash", 6,
-                                       SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_DIRECTONLY, NULL,
-                                       sql_audit_hash, NULL, NULL);
+    const int flags = SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_DIRECTONLY;
+    int code = sqlite3_create_function(store->db, "audit_hash", 6, flags, NULL, sql_audit_hash,
+                                       NULL, NULL);
+    if (code == SQLITE_OK)
+        code = sqlite3_create_function(store->db, "number_of", 1, flags, NULL, sql_number_of, NULL,
+                                       NULL);
     return code == SQLITE_OK ? RESULT_OK : store_failed(store, code, err);
 }
 
@@ -63,10 +81,12 @@ enum result store_add_functions(struct store *store, struct error *err) {
 
 // One statement, so that no entry of another program comes between.
 static const char add_to_audit[] =
-    "INSERT INTO audit (id, utc_ns, actor, action, subject, hash) "
-    "SELECT n, ?1, ?2, ?3, ?4, audit_hash(before, n, ?1, ?2, ?3, ?4) FROM (SELECT "
-    "ifnull((SELECT seq FROM sqlite_sequence WHERE name = 'audit'), 0) + 1 AS n, "
-    "ifnull((SELECT hash FROM audit ORDER BY id DESC LIMIT 1), '" FIRST "') AS before)";
+    "INSERT INTO audit (id, utc_ns, actor, action, subject, hash, chain) "
+    "SELECT n, ?1, ?2, ?3, ?4, audit_hash(before, n, ?1, ?2, ?3, ?4), chain FROM "
+    "(SELECT " STORE_NEXT_AUTO("audit") " AS n, share.slot AS chain, "
+                                        "ifnull((SELECT hash FROM audit WHERE audit.chain = "
+                                        "share.slot ORDER BY id DESC LIMIT 1), "
+                                        "'" FIRST "') AS before FROM share)";
 
 enum result store_put_audit(struct store *store, const struct store_audit_entry *entry,
                             struct error *err) {
@@ -101,13 +121,16 @@ static void copy_text(sqlite3_stmt *statement, int column, char *out, size_t siz
     snprintf(out, size, "%s", text ? text : "");
 }
 
-// The entry in the statement's row follows `head`, which becomes it.
+enum { ENTRY, ENTRY_HASH = 5, CHAIN, IS_ALONE, IS_OWN };
+
+// The entry in the statement's row follows `head`, which becomes it. The numbers of one chain among
+// several have gaps.
 static enum result check_entry(struct store *store, sqlite3_stmt *statement,
                                struct store_audit_head *head, struct error *err) {
     const char *fields[6] = {head->hash};
     char hash[STORE_HASH_MAX], stored[STORE_HASH_MAX];
-    int64_t entry = sqlite3_column_int64(statement, 0);
-    if (entry != head->entry + 1)
+    int64_t entry = sqlite3_column_int64(statement, ENTRY);
+    if (entry != head->entry + 1 && sqlite3_column_int(statement, IS_ALONE))
         return fail(err, RESULT_CORRUPT, "%s: entry %lld of the audit log is missing", store->path,
                     (long long)head->entry + 1);
     for (int i = 0; i < 5; i++) {
@@ -115,7 +138,7 @@ static enum result check_entry(struct store *store, sqlite3_stmt *statement,
         fields[i + 1] = text ? text : "";
     }
     hash_entry(fields, hash);
-    copy_text(statement, 5, stored, sizeof stored);
+    copy_text(statement, ENTRY_HASH, stored, sizeof stored);
     if (strcmp(hash, stored) != 0)
         return fail(err, RESULT_CORRUPT,
                     "%s: entry %lld of the audit log, or one before it, was changed", store->path,
@@ -125,35 +148,57 @@ static enum result check_entry(struct store *store, sqlite3_stmt *statement,
     return RESULT_OK;
 }
 
-static enum result check_end(struct store *store, const struct store_audit_head *head,
-                             struct error *err) {
+static enum result check_end(struct store *store, int64_t newest, struct error *err) {
     int64_t last = 0;
     enum result result =
         store_find(store, "SELECT seq FROM sqlite_sequence WHERE name = 'audit'", &last, err, "");
-    if (result == RESULT_OK && last != head->entry)
+    if (result == RESULT_OK && last != newest)
         return fail(err, RESULT_CORRUPT, "%s: entry %lld of the audit log is missing", store->path,
-                    (long long)head->entry + 1);
+                    (long long)newest + 1);
     return result == RESULT_MISSING ? RESULT_OK : result;
+}
+
+struct audit_check {
+    int chain;
+    struct store_audit_head head;
+    int64_t newest; // of all chains
+};
+
+static enum result check_row(struct store *store, sqlite3_stmt *statement, struct audit_check *c,
+                             struct store_audit_head *out_own, struct error *err) {
+    int chain = sqlite3_column_int(statement, CHAIN);
+    if (chain != c->chain)
+        c->head = (struct store_audit_head){.hash = FIRST};
+    c->chain = chain;
+    enum result result = check_entry(store, statement, &c->head, err);
+    if (c->head.entry > c->newest)
+        c->newest = c->head.entry;
+    if (sqlite3_column_int(statement, IS_OWN))
+        *out_own = c->head;
+    return result;
 }
 
 enum result store_verify_audit(struct store *store, struct store_audit_head *out_head,
                                struct error *err) {
     sqlite3_stmt *statement;
+    struct audit_check check = {.head.hash = FIRST};
     int code = SQLITE_DONE;
-    *out_head = (struct store_audit_head){.hash = FIRST};
+    *out_head = check.head;
     enum result result = store_run(store, "BEGIN", err); // others go on writing
     if (result != RESULT_OK)
         return result;
-    result = store_prepare(store,
-                           "SELECT id, utc_ns, actor, action, subject, hash FROM audit ORDER BY id",
-                           &statement, err, "");
+    result =
+        store_prepare(store,
+                      "SELECT audit.id, utc_ns, actor, action, subject, hash, chain, step = 1, "
+                      "chain = slot FROM audit, share ORDER BY chain, audit.id",
+                      &statement, err, "");
     while (result == RESULT_OK && (code = sqlite3_step(statement)) == SQLITE_ROW)
-        result = check_entry(store, statement, out_head, err);
+        result = check_row(store, statement, &check, out_head, err);
     if (result == RESULT_OK && code != SQLITE_DONE)
         result = store_failed(store, code, err);
     sqlite3_reset(statement);
     if (result == RESULT_OK)
-        result = check_end(store, out_head, err);
+        result = check_end(store, check.newest, err);
     return store_end(store, result, err);
 }
 
@@ -179,8 +224,11 @@ enum result store_audit_head(struct store *store, struct store_audit_head *out_h
                              struct error *err) {
     sqlite3_stmt *statement;
     *out_head = (struct store_audit_head){.hash = FIRST};
-    enum result result = store_prepare(store, "SELECT id, hash FROM audit ORDER BY id DESC LIMIT 1",
-                                       &statement, err, "");
+    enum result result =
+        store_prepare(store,
+                      "SELECT id, hash FROM audit WHERE chain = (SELECT slot FROM share) "
+                      "ORDER BY id DESC LIMIT 1",
+                      &statement, err, "");
     if (result == RESULT_OK)
         result = read_head(store, statement, out_head, err);
     return result == RESULT_MISSING ? RESULT_OK : result;
@@ -200,8 +248,8 @@ enum result store_audit_has(struct store *store, const struct store_audit_head *
 enum result store_put_audit_seal(struct store *store, const struct store_audit_seal *seal,
                                  struct error *err) {
     return store_do(store,
-                    "INSERT OR REPLACE INTO audit_seal (id, entry, hash, utc_ns, certificate, "
-                    "signature) VALUES (1, ?, ?, ?, ?, ?)",
+                    "INSERT OR REPLACE INTO audit_seal (chain, entry, hash, utc_ns, certificate, "
+                    "signature) VALUES ((SELECT slot FROM share), ?, ?, ?, ?, ?)",
                     err, "ititt", seal->head.entry, seal->head.hash, seal->utc_ns,
                     seal->certificate, seal->signature);
 }
@@ -211,7 +259,9 @@ enum result store_audit_seal(struct store *store, struct store_audit_seal *out_s
     sqlite3_stmt *statement;
     *out_seal = (struct store_audit_seal){0};
     enum result result =
-        store_prepare(store, "SELECT entry, hash, utc_ns, certificate, signature FROM audit_seal",
+        store_prepare(store,
+                      "SELECT entry, hash, utc_ns, certificate, signature FROM audit_seal "
+                      "WHERE chain = (SELECT slot FROM share)",
                       &statement, err, "");
     if (result != RESULT_OK)
         return result;

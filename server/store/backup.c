@@ -1,7 +1,9 @@
 // Copies of the whole file, made and put back.
 #include "base/check.h"
 #include "base/clock.h"
+#include "store/change.h"
 #include "store/database.h"
+#include "store/share.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -17,6 +19,7 @@
 #define PAGES_A_TURN 256
 #define PATIENCE_NS (10 * NS_PER_S)
 #define ASIDE_MAX 100
+#define SHARED_VERSION 7 // of the first tables that servers share
 
 static enum result name_beside(const char *path, const char *more, char *out, size_t size,
                                struct error *err) {
@@ -249,6 +252,20 @@ static enum result exchange(const char *fresh, const char *path, char *out_aside
     return result == RESULT_OK ? sync_file_and_folder(path, err) : result;
 }
 
+// It joins the others again, if there are any. A backup of older tables knows none.
+static enum result leave_others(const char *fresh, const char *path, struct error *err) {
+    sqlite3 *db = NULL;
+    int version = 0;
+    enum result result = database_open(fresh, SQLITE_OPEN_READWRITE, &db, err);
+    if (result == RESULT_OK)
+        result = database_version(db, path, &version, err);
+    int code = result == RESULT_OK && version >= SHARED_VERSION
+                   ? sqlite3_exec(db, share_end, NULL, NULL, NULL)
+                   : SQLITE_OK;
+    sqlite3_close(db);
+    return code == SQLITE_OK ? result : database_failed(NULL, path, code, err);
+}
+
 enum result store_restore(const char *backup, const char *path, const char *actor,
                           char out_aside[STORE_TEXT_MAX], struct error *err) {
     char fresh[PATH_MAX];
@@ -262,8 +279,135 @@ enum result store_restore(const char *backup, const char *path, const char *acto
     unlink(fresh); // of a restore that was interrupted: the lock is ours
     result = read_backup(backup, fresh, path, err);
     if (result == RESULT_OK)
+        result = leave_others(fresh, path, err);
+    if (result == RESULT_OK)
         result = exchange(fresh, path, out_aside, err);
     unlink(fresh);
     close(lock);
     return result == RESULT_OK ? tell_audit(path, actor, err) : result;
+}
+
+// ---- records that servers share -----------------------------------------------------------------
+
+enum result store_share_copy(struct store *store, const char *path, int64_t *out_place,
+                             struct error *err) {
+    struct store_share share = {0};
+    int64_t waiting = 0;
+    enum result result = store_run(store, "BEGIN", err); // of one moment
+    if (result != RESULT_OK)
+        return result;
+    result = store_find(store, "SELECT count(*) FROM change", &waiting, err, "");
+    if (result == RESULT_OK)
+        result = store_share(store, &share, err);
+    *out_place = share.applied;
+    if (result == RESULT_OK && waiting)
+        result = fail(err, RESULT_TIMEOUT, "%s: %lld changes are on their way", store->path,
+                      (long long)waiting);
+    unlink(path);
+    if (result == RESULT_OK)
+        result = copy_checked(store->db, store->path, path, path, err);
+    return store_end(store, result, err);
+}
+
+static const char take_pending[] =
+    "INSERT INTO main.change (number, bytes) SELECT number, bytes FROM old.change WHERE number > "
+    "ifnull((SELECT number FROM main.sender WHERE slot = (SELECT slot FROM main.share)), 0);"
+    "UPDATE main.share SET dropped = (SELECT dropped FROM old.share), "
+    "erased = (SELECT erased FROM old.share);";
+
+// So that this server goes on counting where it was.
+static const char take_number[] =
+    "DELETE FROM sqlite_sequence WHERE name = 'change';"
+    "INSERT INTO sqlite_sequence (name, seq) VALUES ('change', ifnull((SELECT number FROM sender "
+    "WHERE slot = (SELECT slot FROM share)), 0));";
+
+static int write_member(sqlite3 *db, const struct store_member *self) {
+    char *sql =
+        sqlite3_mprintf("DELETE FROM change; DELETE FROM removed;"
+                        "UPDATE share SET server = %Q, shared_order = %Q, file = %Q, "
+                        "slot = %d, step = %d, dropped = 0, erased = 0;",
+                        self->server, self->order, self->file, self->slot, STORE_SERVERS_MAX);
+    int code = sql ? sqlite3_exec(db, sql, NULL, NULL, NULL) : SQLITE_NOMEM;
+    sqlite3_free(sql);
+    return code == SQLITE_OK ? sqlite3_exec(db, take_number, NULL, NULL, NULL) : code;
+}
+
+static int attach(sqlite3 *db, const char *path) {
+    char *sql = sqlite3_mprintf("ATTACH %Q AS old", path);
+    int code = sql ? sqlite3_exec(db, sql, NULL, NULL, NULL) : SQLITE_NOMEM;
+    sqlite3_free(sql);
+    return code;
+}
+
+static int do_pending(sqlite3 *db) {
+    int code = sqlite3_exec(db, "PRAGMA foreign_keys = ON; BEGIN", NULL, NULL, NULL);
+    if (code == SQLITE_OK)
+        code = sqlite3_exec(db, take_pending, NULL, NULL, NULL);
+    if (code == SQLITE_OK)
+        code = change_do_all(db);
+    return code == SQLITE_OK ? sqlite3_exec(db, "COMMIT", NULL, NULL, NULL) : code;
+}
+
+// old: the records before, of the same server; NULL: there are none.
+static enum result become(const char *fresh, const char *old, const struct store_member *self,
+                          struct error *err) {
+    sqlite3 *db = NULL;
+    int code = sqlite3_open_v2(fresh, &db, SQLITE_OPEN_READWRITE, NULL);
+    if (code == SQLITE_OK)
+        code = write_member(db, self);
+    if (code == SQLITE_OK && old)
+        code = attach(db, old);
+    if (code == SQLITE_OK && old)
+        code = do_pending(db);
+    enum result result = code == SQLITE_OK ? RESULT_OK : database_failed(db, fresh, code, err);
+    sqlite3_close(db);
+    return result;
+}
+
+// Whether the records there are this member's. What is no such file, is none.
+static enum result is_same(const char *path, const struct store_member *self, bool *out_same,
+                           struct error *err) {
+    sqlite3 *db = NULL;
+    struct error why;
+    char *sql = sqlite3_mprintf("SELECT 1 FROM share WHERE server = %Q AND shared_order = %Q AND "
+                                "file = %Q AND slot = %d",
+                                self->server, self->order, self->file, self->slot);
+    sqlite3_stmt *statement = NULL;
+    enum result result = database_open(path, SQLITE_OPEN_READWRITE, &db, &why);
+    *out_same = result == RESULT_OK && sql &&
+                sqlite3_prepare_v2(db, sql, -1, &statement, NULL) == SQLITE_OK &&
+                sqlite3_step(statement) == SQLITE_ROW;
+    sqlite3_finalize(statement);
+    sqlite3_close(db);
+    sqlite3_free(sql);
+    return result == RESULT_TIMEOUT || result == RESULT_IO ? fail(err, result, "%s", why.text)
+                                                           : RESULT_OK;
+}
+
+enum result store_share_load(const char *copy, const char *path, const struct store_member *self,
+                             char out_aside[STORE_TEXT_MAX], struct error *err) {
+    char fresh[PATH_MAX];
+    int lock = -1;
+    bool same = false;
+    out_aside[0] = '\0';
+    enum result result = name_beside(path, ".restoring", fresh, sizeof fresh, err);
+    if (result == RESULT_OK)
+        result = database_lock(path, true, &lock, err);
+    if (result != RESULT_OK)
+        return result;
+    unlink(fresh);
+    result = is_same(path, self, &same, err);
+    if (result == RESULT_OK)
+        result = read_backup(copy, fresh, path, err);
+    if (result == RESULT_OK)
+        result = become(fresh, same ? path : NULL, self, err);
+    if (result == RESULT_OK)
+        result = exchange(fresh, path, out_aside, err);
+    if (result == RESULT_OK && same) {
+        unlink(out_aside);
+        out_aside[0] = '\0';
+    }
+    unlink(fresh);
+    close(lock);
+    return result;
 }

@@ -260,8 +260,8 @@ static enum result put_curriculum(struct store *store, int64_t course_id, int ve
     enum result result = remove_draft(store, course_id, err);
     if (result == RESULT_OK)
         result = store_do(store,
-                          "INSERT INTO curriculum (course_id, version, state, changed_utc_ns) "
-                          "VALUES (?, ?, ?, ?)",
+                          "INSERT INTO curriculum (id, course_id, version, state, changed_utc_ns) "
+                          "VALUES (" STORE_NEXT("curriculum") ", ?, ?, ?, ?)",
                           err, "iiti", course_id, (int64_t)version, state, clock_utc_ns());
     for (int i = 0; i < count && result == RESULT_OK; i++)
         result = put_task(store, course_id, version, i, &tasks[i], err);
@@ -321,7 +321,7 @@ enum result store_practice_in(struct store *store, const char *course, const cha
         "JOIN knee_case c ON c.id = s.case_id JOIN trainee t ON t.id = s.trainee_id "
         "JOIN enrolment e ON e.trainee_id = t.id WHERE a.purpose = 'practice' "
         "AND " STORE_ATTEMPT_COUNTS " AND e.course_id = (SELECT id FROM course WHERE name = ?1) "
-                                    "AND (?2 IS NULL OR t.name = ?2) "
+        "AND (?2 IS NULL OR t.name = ?2) "
         "ORDER BY t.name, a.begun_utc_ns, a.id",
         &statement, err, "tt", course, trainee);
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;

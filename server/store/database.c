@@ -230,7 +230,7 @@ static enum result apply_step(struct store *store, bool *out_there, struct error
     char sql[96];
     int version;
     *out_there = false;
-    enum result result = store_begin(store, err);
+    enum result result = store_run(store, "BEGIN IMMEDIATE", err);
     if (result != RESULT_OK)
         return result;
     result = database_version(store->db, store->path, &version, err);

@@ -12,6 +12,8 @@ struct store {
     sqlite3 *db;
     char *path, *actor;
     int lock_fd;
+    sqlite3_session *changes; // of the transaction that is open, where the records are shared
+    bool erases;              // it erases a person
     // Prepared once, by the address of their text.
     struct statement {
         const char *sql;
@@ -52,6 +54,19 @@ enum result store_find(struct store *store, const char *sql, int64_t *out, struc
 // Calls `take` for each row of a prepared statement, and resets the statement.
 enum result store_each_row(struct store *store, sqlite3_stmt *statement, store_row_handler take,
                            void *user, struct error *err);
+
+// The number of a new row: the next one, or where servers share the records the next one that is
+// this server's. `last`: SQL of the last number that was given.
+#define STORE_NUMBER_BEHIND(last)                                                                  \
+    "(SELECT last + 1 + (step + slot - (last + 1) % step) % step FROM share, "                     \
+    "(SELECT ifnull((" last "), 0) AS last))"
+#define STORE_NEXT(table)                                                                          \
+    STORE_NUMBER_BEHIND("SELECT number FROM last_number WHERE kind = '" table "'")
+// Of a table with AUTOINCREMENT.
+#define STORE_NEXT_AUTO(table)                                                                     \
+    STORE_NUMBER_BEHIND("SELECT seq FROM sqlite_sequence WHERE name = '" table "'")
+// Where several servers may make a row at the same time, it gets the same number at each:
+// number_of(TEXT).
 
 // Ends the transaction that store_begin began: commits if `result` is RESULT_OK, else rolls back.
 // Returns `result`, or the error of the commit.

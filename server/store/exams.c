@@ -59,11 +59,11 @@ static enum result put_exam(struct store *store, int64_t trainee_id, const struc
         return fail(err, RESULT_MISSING, "%s: trainee '%s' is not in a course '%s'", store->path,
                     plan->trainee, plan->course);
     if (result == RESULT_OK)
-        result =
-            store_do(store,
-                     "INSERT INTO exam (course_id, trainee_id, title, state, seed, "
-                     "created_utc_ns) VALUES (?, ?, ?, 'planned', ?, ?)",
-                     err, "iitii", course_id, trainee_id, plan->title, plan->seed, clock_utc_ns());
+        result = store_do(
+            store,
+            "INSERT INTO exam (id, course_id, trainee_id, title, state, seed, "
+            "created_utc_ns) VALUES (" STORE_NEXT_AUTO("exam") ", ?, ?, ?, 'planned', ?, ?)",
+            err, "iitii", course_id, trainee_id, plan->title, plan->seed, clock_utc_ns());
     *out_id = sqlite3_last_insert_rowid(store->db);
     for (int i = 0; i < plan->count && result == RESULT_OK; i++)
         result = put_task(store, *out_id, i, &plan->tasks[i], err);
@@ -165,9 +165,10 @@ enum result store_add_intervention(struct store *store, int64_t id, const char *
         result =
             fail(err, RESULT_LIMIT, "an exam has at most %d interventions", EXAM_INTERVENTIONS_MAX);
     if (result == RESULT_OK)
-        result =
-            store_do(store, "INSERT INTO intervention (exam_id, utc_ns, reason) VALUES (?, ?, ?)",
-                     err, "iit", id, clock_utc_ns(), reason);
+        result = store_do(store,
+                          "INSERT INTO intervention (id, exam_id, utc_ns, reason) "
+                          "VALUES (" STORE_NEXT("intervention") ", ?, ?, ?)",
+                          err, "iit", id, clock_utc_ns(), reason);
     return end_with(store, result, "intervene", id, err);
 }
 

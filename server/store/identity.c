@@ -6,14 +6,16 @@
 #include <string.h>
 #include <sys/stat.h>
 
-static enum result read_audit(const char *path, int64_t *out_audit, struct error *err) {
+static enum result read_numbers(const char *path, struct store_identity *out, struct error *err) {
     struct store *store;
-    *out_audit = 0;
+    out->audit = 0;
     enum result result = store_open(path, STORE_THERE, "server", &store, err);
     if (result != RESULT_OK)
         return result;
-    result = store_find(store, "SELECT seq FROM sqlite_sequence WHERE name = 'audit'", out_audit,
+    result = store_find(store, "SELECT seq FROM sqlite_sequence WHERE name = 'audit'", &out->audit,
                         err, "");
+    if (result == RESULT_OK || result == RESULT_MISSING)
+        result = store_find(store, "SELECT dropped FROM share", &out->dropped, err, "");
     store_close(&store);
     return result == RESULT_MISSING ? RESULT_OK : result;
 }
@@ -29,13 +31,14 @@ enum result store_identify(const char *path, const struct store_identity *before
     out->inode = status.st_ino;
     out->changed_ns = status.st_ctim.tv_sec * NS_PER_S + status.st_ctim.tv_nsec;
     out->audit = before->audit;
+    out->dropped = before->dropped;
     if (out->device == before->device && out->inode == before->inode &&
         out->changed_ns == before->changed_ns)
         return RESULT_OK;
-    return read_audit(path, &out->audit, err);
+    return read_numbers(path, out, err);
 }
 
 bool store_is_other(const struct store_identity *before, const struct store_identity *now) {
-    return before->inode && (before->device != now->device || before->inode != now->inode ||
-                             now->audit < before->audit);
+    return before->inode && (now->dropped > before->dropped || before->device != now->device ||
+                             before->inode != now->inode || now->audit < before->audit);
 }

@@ -8,7 +8,8 @@
 #define SESSIONS                                                                                   \
     "SELECT s.uuid AS id, station.name AS station, trainee.name AS trainee, "                      \
     "knee_case.name AS \"case\", knee_case.hash AS case_hash, s.start_utc_ns, s.end_utc_ns, "      \
-    "s.state, s.steps, s.missing, s.trace, s.trace_xxh3, s.trace_hash FROM session s "             \
+    "s.state, s.steps, s.missing, s.trace, s.trace_xxh3, s.trace_hash, s.part, s.server FROM "     \
+    "session s "                                                                                   \
     "JOIN station ON station.id = s.station_id JOIN knee_case ON knee_case.id = s.case_id "        \
     "LEFT JOIN trainee ON trainee.id = s.trainee_id "
 
@@ -33,11 +34,18 @@ static const struct {
                        "SELECT st.name, count(s.id) AS sessions, max(s.start_utc_ns) AS "
                        "last_start_utc_ns FROM station st LEFT JOIN session s ON "
                        "s.station_id = st.id WHERE ?1 IS NULL OR st.name = ?1 "
-                       "GROUP BY st.id ORDER BY st.id"},
+                       "GROUP BY st.id ORDER BY st.name"},
     [LIST_CASES] = {"cases", "SELECT c.name, c.hash, "
                              "(SELECT count(*) FROM session WHERE case_id = c.id) AS sessions "
-                             "FROM knee_case c WHERE ?1 IS NULL OR c.name = ?1 ORDER BY c.id"},
+                             "FROM knee_case c WHERE ?1 IS NULL OR c.name = ?1 "
+                             "ORDER BY c.name, c.rowid"},
     [LIST_SESSIONS] = {"sessions", SESSIONS "WHERE ?1 IS NULL OR s.uuid = ?1 ORDER BY s.id"},
+    [LIST_PARTS] = {"parts",
+                    "SELECT s.uuid AS session, p.number, p.server, p.end_utc_ns, p.state, p.steps, "
+                    "p.missing, p.trace, p.trace_xxh3, p.trace_hash FROM part p "
+                    "JOIN session s ON s.id = p.session_id "
+                    "WHERE (?1 IS NULL OR s.uuid = ?1) AND p.number < s.part "
+                    "ORDER BY s.id, p.number"},
     [LIST_RESULTS] = {"results",
                       "SELECT s.uuid AS session, r.metric, r.subject, r.version, r.unit, r.value, "
                       "r.details FROM result r JOIN session s ON s.id = r.session_id "

@@ -23,7 +23,8 @@ enum result store_add_trainee(struct store *store, const char *name, const char 
     result = store_must_be_new(store, &trainee_table, name, err);
     if (result == RESULT_OK)
         result = store_do(store,
-                          "INSERT INTO trainee (name, full_name, created_utc_ns) VALUES (?, ?, ?)",
+                          "INSERT INTO trainee (id, name, full_name, created_utc_ns) "
+                          "VALUES (" STORE_NEXT("trainee") ", ?, ?, ?)",
                           err, "tti", name, full_name, clock_utc_ns());
     return store_end_added(store, result, "trainee", err);
 }
@@ -36,8 +37,10 @@ enum result store_add_course(struct store *store, const char *name, struct error
         return result;
     result = store_must_be_new(store, &course_table, name, err);
     if (result == RESULT_OK)
-        result = store_do(store, "INSERT INTO course (name, created_utc_ns) VALUES (?, ?)", err,
-                          "ti", name, clock_utc_ns());
+        result = store_do(
+            store,
+            "INSERT INTO course (id, name, created_utc_ns) VALUES (" STORE_NEXT("course") ", ?, ?)",
+            err, "ti", name, clock_utc_ns());
     return store_end_added(store, result, "course", err);
 }
 
@@ -172,6 +175,7 @@ static enum result erase_rows(struct store *store, int64_t id, const char *pseud
                           err, "tii", pseudonym, clock_utc_ns(), id);
     if (result == RESULT_OK)
         result = store_audit(store, "erase", "trainee", id, err);
+    store->erases = true;
     return result;
 }
 
@@ -215,6 +219,7 @@ enum result store_remove_trainee(struct store *store, const char *name, struct e
         result = store_do(store, "DELETE FROM trainee WHERE id = ?", err, "i", id);
     if (result == RESULT_OK)
         result = store_audit(store, "remove", "trainee", id, err);
+    store->erases = true;
     result = store_end(store, result, err);
     if (result == RESULT_OK)
         cut_log(store);

@@ -72,15 +72,18 @@ enum result store_put_rating(struct store *store, const char *session, int numbe
     if (result == RESULT_OK)
         result = store_do(
             store,
-            "INSERT INTO rating (attempt_id, account_id, utc_ns, safety, field_of_view, "
+            "INSERT INTO rating (id, attempt_id, account_id, utc_ns, safety, field_of_view, "
             "camera_dexterity, instrument_dexterity, bimanual_dexterity, flow, quality, autonomy, "
-            "remark) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
-            "ON CONFLICT (attempt_id, account_id) DO UPDATE SET utc_ns = excluded.utc_ns, "
-            "safety = excluded.safety, field_of_view = excluded.field_of_view, "
-            "camera_dexterity = excluded.camera_dexterity, "
-            "instrument_dexterity = excluded.instrument_dexterity, "
-            "bimanual_dexterity = excluded.bimanual_dexterity, flow = excluded.flow, "
-            "quality = excluded.quality, autonomy = excluded.autonomy, remark = excluded.remark",
+            "remark) VALUES (" STORE_NEXT(
+                "rating") ", ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
+                          "ON CONFLICT (attempt_id, account_id) DO UPDATE SET utc_ns = "
+                          "excluded.utc_ns, "
+                          "safety = excluded.safety, field_of_view = excluded.field_of_view, "
+                          "camera_dexterity = excluded.camera_dexterity, "
+                          "instrument_dexterity = excluded.instrument_dexterity, "
+                          "bimanual_dexterity = excluded.bimanual_dexterity, flow = excluded.flow, "
+                          "quality = excluded.quality, autonomy = excluded.autonomy, remark = "
+                          "excluded.remark",
             err, "iiiiiiiiiiit", id, account, clock_utc_ns(), (int64_t)l[0], (int64_t)l[1],
             (int64_t)l[2], (int64_t)l[3], (int64_t)l[4], (int64_t)l[5], (int64_t)l[6],
             (int64_t)l[7], remark);

@@ -248,6 +248,81 @@ static const char teaching[] =
     ") STRICT;"
     "CREATE INDEX rating_account ON rating (account_id);";
 
+#define COUNT_ROWS(table)                                                                          \
+    "INSERT INTO last_number SELECT '" table "', ifnull(max(id), 0) FROM " table ";"               \
+    "CREATE TRIGGER " table "_is_counted AFTER INSERT ON " table                                   \
+    "  BEGIN UPDATE last_number SET number = max(number, NEW.id) WHERE kind = '" table "'; END;"
+
+// What several servers share (share.h): which server has a trace, the parts of a session's trace, a
+// chain of the audit log for each server; and this server's place among them. `removed` has traces
+// of this server whose sessions another one removed. No number is given twice: another server may
+// mean the row that had it before.
+static const char shared_records[] =
+    "ALTER TABLE session ADD COLUMN server TEXT NOT NULL DEFAULT '';"
+    "ALTER TABLE session ADD COLUMN part INTEGER NOT NULL DEFAULT 1;"
+    "CREATE TABLE part ("
+    "  session_id INTEGER NOT NULL REFERENCES session ON DELETE CASCADE,"
+    "  number INTEGER NOT NULL CHECK (number > 0),"
+    "  server TEXT NOT NULL,"
+    "  end_utc_ns INTEGER,"
+    "  state TEXT NOT NULL,"
+    "  steps INTEGER NOT NULL,"
+    "  missing INTEGER NOT NULL,"
+    "  trace TEXT NOT NULL,"
+    "  trace_xxh3 TEXT,"
+    "  trace_hash TEXT,"
+    "  PRIMARY KEY (session_id, number)"
+    ") STRICT;"
+    "CREATE INDEX part_trace ON part (trace);"
+    "ALTER TABLE audit ADD COLUMN chain INTEGER NOT NULL DEFAULT 0;"
+    "CREATE INDEX audit_chain ON audit (chain);"
+    "ALTER TABLE audit_seal RENAME TO seal_of_one;"
+    "CREATE TABLE audit_seal ("
+    "  chain INTEGER PRIMARY KEY,"
+    "  entry INTEGER NOT NULL,"
+    "  hash TEXT NOT NULL,"
+    "  utc_ns INTEGER NOT NULL,"
+    "  certificate TEXT NOT NULL,"
+    "  signature TEXT NOT NULL"
+    ") STRICT;"
+    "INSERT INTO audit_seal SELECT 0, entry, hash, utc_ns, certificate, signature FROM seal_of_one;"
+    "DROP TABLE seal_of_one;"
+    "CREATE TABLE share ("
+    "  id INTEGER PRIMARY KEY CHECK (id = 1),"
+    "  server TEXT NOT NULL,"
+    "  shared_order TEXT NOT NULL,"
+    "  file TEXT NOT NULL,"
+    "  slot INTEGER NOT NULL,"
+    "  step INTEGER NOT NULL CHECK (step > slot),"
+    "  applied INTEGER NOT NULL,"
+    "  dropped INTEGER NOT NULL,"
+    "  erased INTEGER NOT NULL"
+    ") STRICT;"
+    "INSERT INTO share VALUES (1, '', '', '', 0, 1, 0, 0, 0);"
+    "CREATE TABLE change ("
+    "  number INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  bytes BLOB NOT NULL,"
+    "  effect BLOB,"
+    "  dropped INTEGER NOT NULL DEFAULT 0"
+    ") STRICT;"
+    "CREATE TABLE sender ("
+    "  slot INTEGER PRIMARY KEY,"
+    "  number INTEGER NOT NULL,"
+    "  pieces INTEGER NOT NULL,"
+    "  begun BLOB NOT NULL"
+    ") STRICT;"
+    "CREATE TABLE last_number (kind TEXT PRIMARY KEY, number INTEGER NOT NULL) STRICT;" COUNT_ROWS(
+        "trainee") COUNT_ROWS("course") COUNT_ROWS("session") COUNT_ROWS("account")
+        COUNT_ROWS("attempt") COUNT_ROWS("curriculum") COUNT_ROWS("intervention") COUNT_ROWS(
+            "rating") "CREATE TABLE removed (trace TEXT NOT NULL) STRICT;"
+                      "CREATE TRIGGER session_is_removed AFTER DELETE ON session"
+                      "  WHEN OLD.server <> '' AND OLD.server = (SELECT server FROM share)"
+                      "  BEGIN INSERT INTO removed VALUES (OLD.trace); END;"
+                      "CREATE TRIGGER part_is_removed AFTER DELETE ON part"
+                      "  WHEN OLD.server <> '' AND OLD.server = (SELECT server FROM share)"
+                      "  BEGIN INSERT INTO removed VALUES (OLD.trace); END;";
+
 const char *const schema_steps[] = {
-    sessions_and_results, accounts_and_audit, hash_of_the_record, tokens, chained_audit, teaching};
+    sessions_and_results, accounts_and_audit, hash_of_the_record, tokens,
+    chained_audit,        teaching,           shared_records};
 const int schema_version = sizeof schema_steps / sizeof *schema_steps;

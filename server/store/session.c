@@ -11,6 +11,8 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#define OWN "server = (SELECT server FROM share)" // its trace is this server's
+
 static const char *const state_names[] = {"open", "closed", "deserted", "interrupted"};
 
 static enum result check_session(const struct store_session *s, struct error *err) {
@@ -46,14 +48,18 @@ static enum result check_result(const struct store_result *r, struct error *err)
 static enum result make_places(struct store *store, const struct store_session *s,
                                const char *case_hash, struct error *err) {
     enum result result =
-        store_do(store, "INSERT OR IGNORE INTO station (name) VALUES (?)", err, "t", s->station);
+        store_do(store, "INSERT OR IGNORE INTO station (id, name) VALUES (number_of(?1), ?1)", err,
+                 "t", s->station);
     if (result == RESULT_OK)
-        result = store_do(store, "INSERT OR IGNORE INTO knee_case (name, hash) VALUES (?, ?)", err,
-                          "tt", s->case_name, case_hash);
+        result = store_do(store,
+                          "INSERT OR IGNORE INTO knee_case (id, name, hash) "
+                          "VALUES (number_of(?1 || ?2), ?1, ?2)",
+                          err, "tt", s->case_name, case_hash);
     if (result == RESULT_OK && s->trainee[0])
-        result =
-            store_do(store, "INSERT OR IGNORE INTO trainee (name, created_utc_ns) VALUES (?, ?)",
-                     err, "ti", s->trainee, clock_utc_ns());
+        result = store_do(store,
+                          "INSERT OR IGNORE INTO trainee (id, name, created_utc_ns) "
+                          "VALUES (" STORE_NEXT("trainee") ", ?, ?)",
+                          err, "ti", s->trainee, clock_utc_ns());
     return result;
 }
 
@@ -67,12 +73,15 @@ static enum result begin_session(struct store *store, const struct store_session
     if (result == RESULT_OK)
         result = store_do(
             store,
-            "INSERT INTO session (uuid, station_id, trainee_id, case_id, start_utc_ns, state, "
-            "steps, missing, trace) VALUES (?, (SELECT id FROM station WHERE name = ?), "
-            "(SELECT id FROM trainee WHERE name = ?), "
-            "(SELECT id FROM knee_case WHERE name = ? AND hash = ?), ?, 'open', 0, 0, ?)",
-            err, "tttttit", s->id, s->station, s->trainee, s->case_name, case_hash, s->start_utc_ns,
-            s->trace);
+            "INSERT INTO session (id, uuid, station_id, trainee_id, case_id, start_utc_ns, state, "
+            "steps, missing, trace, part, server) VALUES (" STORE_NEXT(
+                "session") ", ?, (SELECT id FROM station WHERE name = ?), "
+                           "(SELECT id FROM trainee WHERE name = ?), "
+                           "(SELECT id FROM knee_case WHERE name = ? AND hash = ?), ?, 'open', 0, "
+                           "0, ?, ?, "
+                           "(SELECT server FROM share))",
+            err, "tttttiti", s->id, s->station, s->trainee, s->case_name, case_hash,
+            s->start_utc_ns, s->trace, (int64_t)s->part);
     *out_id = sqlite3_last_insert_rowid(store->db);
     return result;
 }
@@ -96,17 +105,60 @@ static enum result find_ended(struct store *store, const struct store_session *s
     return begin_session(store, s, out_id, err);
 }
 
+#define HASH_SIZE 17
+
+static const char *file_hash(const struct store_session *s, char out[HASH_SIZE]) {
+    snprintf(out, HASH_SIZE, "%016" PRIx64, s->trace_xxh3);
+    return s->trace_is_read ? out : NULL;
+}
+
 static enum result update_session(struct store *store, int64_t id, const struct store_session *s,
                                   struct error *err) {
-    char hash[17];
-    snprintf(hash, sizeof hash, "%016" PRIx64, s->trace_xxh3);
-    return store_do(
-        store,
-        "UPDATE session SET end_utc_ns = nullif(?, 0), "
-        "state = iif(state = 'deserted', state, ?), steps = ?, "
-        "missing = ?, trace = ?, trace_xxh3 = ?, trace_hash = nullif(?, '') WHERE id = ?",
-        err, "itiittti", s->end_utc_ns, state_names[s->state], (int64_t)s->steps,
-        (int64_t)s->missing, s->trace, s->trace_is_read ? hash : NULL, s->trace_hash, id);
+    char hash[HASH_SIZE];
+    return store_do(store,
+                    "UPDATE session SET end_utc_ns = nullif(?, 0), "
+                    "state = iif(state = 'deserted', state, ?), steps = ?, "
+                    "missing = ?, trace = ?, trace_xxh3 = ?, trace_hash = nullif(?, ''), part = ?, "
+                    "server = (SELECT server FROM share) WHERE id = ?",
+                    err, "itiitttii", s->end_utc_ns, state_names[s->state], (int64_t)s->steps,
+                    (int64_t)s->missing, s->trace, file_hash(s, hash), s->trace_hash,
+                    (int64_t)s->part, id);
+}
+
+// A session of one part has it in its own row alone.
+#define PUT_PART                                                                                   \
+    "INSERT OR REPLACE INTO part (session_id, number, server, end_utc_ns, state, steps, missing, " \
+    "trace, trace_xxh3, trace_hash) "
+
+static enum result put_part(struct store *store, int64_t id, const struct store_session *s,
+                            struct error *err) {
+    char hash[HASH_SIZE];
+    return store_do(store,
+                    PUT_PART "VALUES (?, ?, (SELECT server FROM share), nullif(?, 0), ?, ?, ?, ?, "
+                             "?, nullif(?, ''))",
+                    err, "iiitiittt", id, (int64_t)s->part, s->end_utc_ns, state_names[s->state],
+                    (int64_t)s->steps, (int64_t)s->missing, s->trace, file_hash(s, hash),
+                    s->trace_hash);
+}
+
+static enum result leave_part(struct store *store, int64_t id, struct error *err) {
+    return store_do(store,
+                    PUT_PART "SELECT id, part, server, end_utc_ns, state, steps, missing, trace, "
+                             "trace_xxh3, trace_hash FROM session WHERE id = ?",
+                    err, "i", id);
+}
+
+// What its last part tells is in its row.
+static enum result put_in_parts(struct store *store, int64_t id, int part,
+                                const struct store_session *s, struct error *err) {
+    int64_t has = 0;
+    enum result result = store_find(store, "SELECT 1 FROM part WHERE session_id = ? AND number = ?",
+                                    &has, err, "ii", id, (int64_t)part);
+    if (result == RESULT_MISSING)
+        result = leave_part(store, id, err);
+    if (result == RESULT_OK)
+        result = put_part(store, id, s, err);
+    return result;
 }
 
 static enum result put_result(struct store *store, int64_t session_id, const struct store_result *r,
@@ -127,14 +179,20 @@ typedef enum result (*session_finder)(struct store *store, const struct store_se
 static enum result put_session(struct store *store, session_finder find,
                                const struct store_session *s, const struct store_result *results,
                                int count, struct error *err) {
-    int64_t id;
-    CHECK((unsigned)s->state < sizeof state_names / sizeof *state_names);
+    int64_t id, part;
+    CHECK((unsigned)s->state < sizeof state_names / sizeof *state_names && s->part > 0);
     enum result result = check_session(s, err);
     if (result == RESULT_OK)
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
     result = find(store, s, &id, err);
+    if (result == RESULT_OK)
+        result = store_find(store, "SELECT part FROM session WHERE id = ?", &part, err, "i", id);
+    if (result == RESULT_OK && (s->part > 1 || part > 1))
+        result = put_in_parts(store, id, (int)part, s, err);
+    if (result == RESULT_OK && s->part < part)
+        return store_end(store, result, err);
     if (result == RESULT_OK)
         result = update_session(store, id, s, err);
     for (int i = 0; i < count && result == RESULT_OK; i++)
@@ -216,12 +274,41 @@ static enum result remove_trace(const char *id, const char *trace, struct error 
     return result;
 }
 
-enum result store_remove_session(struct store *store, const char *id, struct error *err) {
+// What somebody has judged is kept, and what other servers have parts of.
+#define DISPENSABLE                                                                                \
+    "state != 'open' AND part = 1 AND trace_xxh3 IS NOT NULL AND " OWN                             \
+    " AND NOT EXISTS (SELECT 1 FROM attempt a WHERE a.session_id = session.id AND (a.purpose = "   \
+    "'exam' OR EXISTS (SELECT 1 FROM rating r WHERE r.attempt_id = a.id)))"
+
+enum result store_dispensable(struct store *store, store_row_handler take, void *user,
+                              struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(
+        store,
+        "SELECT uuid, trace, end_utc_ns, (SELECT max(end_utc_ns) FROM session) FROM session WHERE "
+        "end_utc_ns IS NOT NULL AND " DISPENSABLE " ORDER BY end_utc_ns, id",
+        &statement, err, "");
+    return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
+}
+
+static enum result check_dispensable(struct store *store, const char *id, struct error *err) {
+    int64_t found;
+    enum result result = store_find(store, "SELECT 1 FROM session WHERE uuid = ? AND " DISPENSABLE,
+                                    &found, err, "t", id);
+    return result == RESULT_MISSING
+               ? fail(err, RESULT_REFUSED, "%s: session %s is kept", store->path, id)
+               : result;
+}
+
+static enum result remove_session(struct store *store, const char *id, bool if_dispensable,
+                                  struct error *err) {
     struct removal removal;
     enum result result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
     result = find_removal(store, id, &removal, err);
+    if (result == RESULT_OK && if_dispensable)
+        result = check_dispensable(store, id, err);
     if (result == RESULT_OK)
         result = remove_rows(store, id, &removal, err);
     if (result == RESULT_OK)
@@ -229,18 +316,26 @@ enum result store_remove_session(struct store *store, const char *id, struct err
     return store_end(store, result, err);
 }
 
+enum result store_remove_session(struct store *store, const char *id, struct error *err) {
+    return remove_session(store, id, false, err);
+}
+
+enum result store_remove_dispensable(struct store *store, const char *id, struct error *err) {
+    return remove_session(store, id, true, err);
+}
+
 enum result store_interrupt_open(struct store *store, int64_t before_utc_ns, struct error *err) {
     return store_do(store,
                     "UPDATE session SET state = 'interrupted' "
-                    "WHERE state = 'open' AND start_utc_ns < ?",
+                    "WHERE state = 'open' AND start_utc_ns < ? AND " OWN,
                     err, "i", before_utc_ns);
 }
 
 enum result store_open_traces(struct store *store, store_row_handler take, void *user,
                               struct error *err) {
     sqlite3_stmt *statement;
-    enum result result =
-        store_prepare(store, "SELECT trace FROM session WHERE state = 'open'", &statement, err, "");
+    enum result result = store_prepare(
+        store, "SELECT trace FROM session WHERE state = 'open' AND " OWN, &statement, err, "");
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
@@ -248,8 +343,11 @@ enum result store_trace_is_done(struct store *store, const char *trace, bool *ou
                                 struct error *err) {
     int64_t id;
     enum result result =
-        store_find(store, "SELECT id FROM session WHERE trace = ? AND trace_xxh3 IS NOT NULL", &id,
-                   err, "t", trace);
+        store_find(store,
+                   "SELECT 1 FROM session WHERE trace = ?1 AND trace_xxh3 IS NOT NULL AND " OWN
+                   " UNION ALL SELECT 1 FROM part WHERE trace = ?1 AND trace_xxh3 IS NOT NULL "
+                   "AND " OWN,
+                   &id, err, "t", trace);
     *out_done = result == RESULT_OK;
     return result == RESULT_MISSING ? RESULT_OK : result;
 }

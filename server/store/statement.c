@@ -1,6 +1,6 @@
 // Statements: prepared once for each connection, bound, run, and ended as a transaction.
 #include "base/check.h"
-#include "store/database.h"
+#include "store/change.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -78,7 +78,16 @@ enum result store_do(struct store *store, const char *sql, struct error *err, co
     va_start(args, kinds);
     enum result result = prepare(store, sql, &statement, err, kinds, &args);
     va_end(args);
-    return result == RESULT_OK ? run_once(store, statement, NULL, err) : result;
+    if (result != RESULT_OK)
+        return result;
+    if (!sqlite3_get_autocommit(store->db) || sqlite3_stmt_readonly(statement))
+        return run_once(store, statement, NULL, err);
+    result = store_begin(store, err);
+    if (result == RESULT_OK)
+        result = store_end(store, run_once(store, statement, NULL, err), err);
+    else
+        sqlite3_clear_bindings(statement);
+    return result;
 }
 
 enum result store_find(struct store *store, const char *sql, int64_t *out, struct error *err,
@@ -92,7 +101,15 @@ enum result store_find(struct store *store, const char *sql, int64_t *out, struc
 }
 
 enum result store_begin(struct store *store, struct error *err) {
-    return store_run(store, "BEGIN IMMEDIATE", err);
+    int64_t shared;
+    enum result result = store_run(store, "BEGIN IMMEDIATE", err);
+    if (result != RESULT_OK)
+        return result;
+    result = store_find(store, "SELECT server <> '' FROM share", &shared, err, "");
+    store->erases = false;
+    if (result == RESULT_OK && shared && !(store->changes = change_begin(store->db)))
+        result = store_failed(store, SQLITE_NOMEM, err);
+    return result == RESULT_OK ? result : store_end(store, result, err);
 }
 
 const struct named_table account_table = {"account", "an account",
@@ -152,8 +169,13 @@ enum result store_end_added(struct store *store, enum result result, const char 
 }
 
 enum result store_end(struct store *store, enum result result, struct error *err) {
+    if (result == RESULT_OK && store->changes)
+        result = change_keep(store, err);
     if (result == RESULT_OK)
         result = store_run(store, "COMMIT", err);
+    if (store->changes)
+        sqlite3session_delete(store->changes);
+    store->changes = NULL;
     if (result != RESULT_OK && !sqlite3_get_autocommit(store->db))
         sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
     return result;

@@ -184,6 +184,7 @@ struct store_session {
     uint64_t steps;
     uint64_t missing; // steps that its trace lacks
     char trace[STORE_TEXT_MAX];
+    int part; // of the session's trace that this one is, from 1
     bool trace_is_read;
     uint64_t trace_xxh3; // of the whole file, where it was read
     char trace_hash[65]; // of its last record (trace/FORMAT.md), hexadecimal; empty: none
@@ -201,7 +202,8 @@ struct store_result {
 
 // Writes the current state of a session together with its results. Adds a new station, trainee or
 // case. A session that exists keeps its station, trainee, case and start; a deserted one stays
-// deserted.
+// deserted. Its state and results are those of its last part: of an earlier one only the place of
+// its trace is kept.
 enum result store_put_session(struct store *store, const struct store_session *session,
                               const struct store_result *results, int count, struct error *err);
 
@@ -213,6 +215,8 @@ enum result store_put_ended(struct store *store, const struct store_session *ses
 // Deletes a session, its results, its attempts and its trace. RESULT_REFUSED while the session is
 // open, or a server writes its trace.
 enum result store_remove_session(struct store *store, const char *id, struct error *err);
+// The same, unless the session is not dispensable (RESULT_REFUSED).
+enum result store_remove_dispensable(struct store *store, const char *id, struct error *err);
 
 // Marks open sessions that began before this time as interrupted: their server has ended.
 enum result store_interrupt_open(struct store *store, int64_t before_utc_ns, struct error *err);
@@ -236,7 +240,8 @@ enum result store_put_audit(struct store *store, const struct store_audit_entry 
                             struct error *err);
 
 // Each entry has a SHA-256 over itself and the hash of the entry before it. So an entry and its
-// hash stand for all entries up to it.
+// hash stand for all entries up to it. Of servers that share the records (share.h) each has a chain
+// of its own: these functions are about this server's, and store_verify_audit looks at all.
 struct store_audit_head {
     int64_t entry; // its number, from 1; 0: there is none
     char hash[STORE_HASH_MAX];
@@ -277,6 +282,7 @@ enum store_list {
     LIST_STATIONS,
     LIST_CASES,
     LIST_SESSIONS,
+    LIST_PARTS,   // of a session: those that other parts of its trace follow
     LIST_RESULTS, // of a session
     LIST_ACCOUNTS,
     LIST_TOKENS, // of an account or trainee; without hashes
@@ -306,6 +312,12 @@ struct store_cell {
 };
 
 typedef void (*store_row_handler)(void *user, const struct store_cell *cells, int count);
+
+// The sessions of this server that nobody would miss for a judgement: no open ones, none with a
+// rating or an attempt of an exam, none whose trace has not been read yet, none of several parts.
+// As rows with uuid, trace and end_utc_ns, the oldest end first.
+enum result store_dispensable(struct store *store, store_row_handler take, void *user,
+                              struct error *err);
 
 // The traces of open sessions, as a row with the column "trace".
 enum result store_open_traces(struct store *store, store_row_handler take, void *user,
@@ -375,12 +387,13 @@ struct store_identity {
     uint64_t device, inode; // inode 0: there was no file
     int64_t changed_ns;     // ctime of the file
     int64_t audit;          // the number of the last entry
+    int64_t dropped;        // changes of this server that contradicted others' (share.h)
 };
 
 // before: the last known identity, or all zero. Does not open a file that has not changed since.
 enum result store_identify(const char *path, const struct store_identity *before,
                            struct store_identity *out, struct error *err);
-// Whether somebody replaced the file.
+// Whether somebody replaced the file, or something that this server had written was dropped.
 bool store_is_other(const struct store_identity *before, const struct store_identity *now);
 
 // Replaces the records at `path` by a backup, in one step, after it has checked the backup. Keeps

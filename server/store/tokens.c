@@ -199,12 +199,12 @@ static enum result insert_token(struct store *store, enum store_token_kind kind,
     if (result == RESULT_OK)
         result = find_end(store, kind, trainee, now_ns, out_until_ns, err);
     if (result == RESULT_OK)
-        result = store_do(store,
-                          "INSERT INTO token (kind, hash, account_id, trainee_id, name, "
-                          "created_utc_ns, until_utc_ns) "
-                          "VALUES (?, ?, nullif(?, 0), nullif(?, 0), ?, ?, ?)",
-                          err, "ttiitii", kind_names[kind], hash, account, trainee, name, now_ns,
-                          *out_until_ns);
+        result = store_do(
+            store,
+            "INSERT INTO token (id, kind, hash, account_id, trainee_id, name, "
+            "created_utc_ns, until_utc_ns) "
+            "VALUES (" STORE_NEXT_AUTO("token") ", ?, ?, nullif(?, 0), nullif(?, 0), ?, ?, ?)",
+            err, "ttiitii", kind_names[kind], hash, account, trainee, name, now_ns, *out_until_ns);
     return result;
 }
 

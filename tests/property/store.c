@@ -207,7 +207,7 @@ static void sessions_are_told(struct store *store) {
         int n = model.order[i], person = model.sessions[n].person;
         expect("id=%032x|station=room-1|trainee=%s|case=tear-radial|case_hash=000000001234abcd|"
                "state=%s|steps=%" PRIu64 "|missing=0|trace=/traces/%d.trace|trace_xxh3=%s|"
-               "trace_hash=\n",
+               "trace_hash=|part=1|server=\n",
                (unsigned)n, person < 0 ? "" : model.people[person].name,
                states[model.sessions[n].state], model.sessions[n].steps, n,
                model.sessions[n].hashed ? "0000000000000000" : "");

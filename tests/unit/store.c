@@ -35,7 +35,7 @@ static void a_session_is_kept_from_its_begin_to_its_end(void **state) {
     assert_ok(store_put_session(store, &session, NULL, 0, &err));
     assert_non_null(strstr(rows_of(store, LIST_SESSIONS, NULL),
                            "|start_utc_ns=1001000000000|end_utc_ns=|state=open|steps=0|missing=0|"
-                           "trace=/traces/1.trace|trace_xxh3=|trace_hash=\n"));
+                           "trace=/traces/1.trace|trace_xxh3=|trace_hash=|part=1|server=\n"));
     assert_ok(store_trace_is_done(store, session.trace, &done, &err));
     assert_false(done);
     close_session(&session);
@@ -45,7 +45,8 @@ static void a_session_is_kept_from_its_begin_to_its_end(void **state) {
                         "case=tear-radial|case_hash=000000001234abcd|start_utc_ns=1001000000000|"
                         "end_utc_ns=1091000000000|state=closed|steps=18000|missing=0|"
                         "trace=/traces/1.trace|trace_xxh3=00000000feedface|trace_hash="
-                        "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa\n");
+                        "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa|part=1|"
+                        "server=\n");
     assert_string_equal(
         rows_of(store, LIST_RESULTS, session.id),
         "session=00000000000000000000000000000001|metric=resection.over|subject=meniscus_medial|"

@@ -27,7 +27,7 @@ static int end(void **state) {
 }
 
 static void put(int trainee, double value) {
-    struct store_session s = {.start_utc_ns = 1, .state = STATE_CLOSED};
+    struct store_session s = {.start_utc_ns = 1, .part = 1, .state = STATE_CLOSED};
     struct store_result result = {"path", "probe", 1, "mm", value, ""};
     snprintf(s.id, sizeof s.id, "%032x", ++numbers);
     snprintf(s.station, sizeof s.station, "room-1");

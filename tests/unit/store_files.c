@@ -139,6 +139,7 @@ struct store *open_records(void) {
 struct store_session a_session(unsigned number) {
     struct store_session session = {
         .case_hash = 0x1234abcd,
+        .part = 1,
         .start_utc_ns = 1000000000LL * (1000 + number),
         .station = "room-1",
         .trainee = "ada",

@@ -100,14 +100,144 @@ static const char version_5[] =
     "  certificate TEXT NOT NULL,  signature TEXT NOT NULL) STRICT;"
     "DELETE FROM token WHERE trainee_id IS NOT NULL;";
 
+static const char version_6[] =
+    "CREATE TABLE attempt ("
+    "  id INTEGER PRIMARY KEY,"
+    "  session_id INTEGER NOT NULL REFERENCES session,"
+    "  number INTEGER NOT NULL CHECK (number > 0),"
+    "  task TEXT NOT NULL,"
+    "  task_version INTEGER NOT NULL,"
+    "  title TEXT NOT NULL,"
+    "  file_hash TEXT NOT NULL CHECK (length(file_hash) = 64),"
+    "  purpose TEXT NOT NULL CHECK (purpose IN ('practice', 'exam')),"
+    "  hand TEXT NOT NULL CHECK (hand IN ('right', 'left')),"
+    "  first_step INTEGER NOT NULL,"
+    "  last_step INTEGER NOT NULL,"
+    "  begun_utc_ns INTEGER NOT NULL,"
+    "  time_s REAL NOT NULL,"
+    "  goals INTEGER NOT NULL,"
+    "  goals_met INTEGER NOT NULL,"
+    "  errors INTEGER NOT NULL,"
+    "  sentinel INTEGER NOT NULL CHECK (sentinel IN (0, 1)),"
+    "  verdict TEXT NOT NULL CHECK (verdict IN ('passed', 'not yet')),"
+    "  end TEXT NOT NULL CHECK (end IN ('done', 'time out', 'sentinel error', 'left', 'stopped')),"
+    "  pass_time_s REAL NOT NULL,"
+    "  pass_errors INTEGER NOT NULL,"
+    "  mark_version INTEGER NOT NULL,"
+    "  figures TEXT NOT NULL,"
+    "  occurrences TEXT NOT NULL,"
+    "  UNIQUE (session_id, number)"
+    ") STRICT;"
+    "CREATE INDEX attempt_task ON attempt (task, begun_utc_ns);"
+    "CREATE TABLE curriculum ("
+    "  id INTEGER PRIMARY KEY,"
+    "  course_id INTEGER NOT NULL REFERENCES course ON DELETE CASCADE,"
+    "  version INTEGER NOT NULL,"
+    "  state TEXT NOT NULL CHECK (state IN ('draft', 'published', 'frozen')),"
+    "  changed_utc_ns INTEGER NOT NULL,"
+    "  UNIQUE (course_id, version)"
+    ") STRICT;"
+    "CREATE TABLE curriculum_task ("
+    "  curriculum_id INTEGER NOT NULL REFERENCES curriculum ON DELETE CASCADE,"
+    "  position INTEGER NOT NULL,"
+    "  task TEXT NOT NULL,"
+    "  week INTEGER NOT NULL,"
+    "  passes INTEGER NOT NULL CHECK (passes > 0),"
+    "  hands TEXT NOT NULL CHECK (hands IN ('each', 'one')),"
+    "  due_utc_ns INTEGER,"
+    "  cases TEXT NOT NULL,"
+    "  after TEXT NOT NULL,"
+    "  PRIMARY KEY (curriculum_id, position),"
+    "  UNIQUE (curriculum_id, task)"
+    ") STRICT;"
+    "CREATE TABLE pass_mark ("
+    "  task TEXT NOT NULL,"
+    "  version INTEGER NOT NULL CHECK (version > 0),"
+    "  task_version INTEGER NOT NULL,"
+    "  kind TEXT NOT NULL CHECK (kind IN ('by hand', 'contrasting groups', 'published')),"
+    "  source TEXT NOT NULL CHECK (source <> ''),"
+    "  time_s REAL NOT NULL,"
+    "  errors INTEGER NOT NULL,"
+    "  created_utc_ns INTEGER NOT NULL,"
+    "  PRIMARY KEY (task, version)"
+    ") STRICT;"
+    "CREATE TABLE exam ("
+    "  id INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  course_id INTEGER REFERENCES course ON DELETE SET NULL,"
+    "  trainee_id INTEGER NOT NULL REFERENCES trainee,"
+    "  title TEXT NOT NULL,"
+    "  state TEXT NOT NULL CHECK (state IN ('planned', 'begun', 'done', 'released')),"
+    "  seed INTEGER NOT NULL,"
+    "  created_utc_ns INTEGER NOT NULL,"
+    "  begun_utc_ns INTEGER,"
+    "  released_utc_ns INTEGER,"
+    "  who INTEGER NOT NULL DEFAULT 0,"
+    "  station_check INTEGER NOT NULL DEFAULT 0,"
+    "  case_hash INTEGER NOT NULL DEFAULT 0,"
+    "  drift_mm REAL,"
+    "  verdict TEXT CHECK (verdict IN ('passed', 'not yet')),"
+    "  result TEXT,"
+    "  result_hash TEXT,"
+    "  certificate TEXT,"
+    "  signature TEXT"
+    ") STRICT;"
+    "CREATE INDEX exam_trainee ON exam (trainee_id);"
+    "CREATE TABLE exam_task ("
+    "  exam_id INTEGER NOT NULL REFERENCES exam ON DELETE CASCADE,"
+    "  position INTEGER NOT NULL,"
+    "  task TEXT NOT NULL,"
+    "  knee_case TEXT NOT NULL,"
+    "  case_hash TEXT,"
+    "  hand TEXT CHECK (hand IN ('right', 'left')),"
+    "  attempt_id INTEGER REFERENCES attempt ON DELETE SET NULL,"
+    "  PRIMARY KEY (exam_id, position)"
+    ") STRICT;"
+    "CREATE INDEX exam_task_attempt ON exam_task (attempt_id);"
+    "CREATE TABLE exam_rater ("
+    "  exam_id INTEGER NOT NULL REFERENCES exam ON DELETE CASCADE,"
+    "  account_id INTEGER NOT NULL REFERENCES account ON DELETE CASCADE,"
+    "  PRIMARY KEY (exam_id, account_id)"
+    ") STRICT;"
+    "CREATE INDEX exam_rater_account ON exam_rater (account_id);"
+    "CREATE TABLE intervention ("
+    "  id INTEGER PRIMARY KEY,"
+    "  exam_id INTEGER NOT NULL REFERENCES exam ON DELETE CASCADE,"
+    "  utc_ns INTEGER NOT NULL,"
+    "  reason TEXT NOT NULL"
+    ") STRICT;"
+    "CREATE INDEX intervention_exam ON intervention (exam_id);"
+    "CREATE TABLE rating ("
+    "  id INTEGER PRIMARY KEY,"
+    "  attempt_id INTEGER NOT NULL REFERENCES attempt ON DELETE CASCADE,"
+    "  account_id INTEGER REFERENCES account ON DELETE SET NULL,"
+    "  utc_ns INTEGER NOT NULL,"
+    "  safety INTEGER NOT NULL CHECK (safety BETWEEN 1 AND 5),"
+    "  field_of_view INTEGER NOT NULL CHECK (field_of_view BETWEEN 1 AND 5),"
+    "  camera_dexterity INTEGER NOT NULL CHECK (camera_dexterity BETWEEN 1 AND 5),"
+    "  instrument_dexterity INTEGER NOT NULL CHECK (instrument_dexterity BETWEEN 1 AND 5),"
+    "  bimanual_dexterity INTEGER NOT NULL CHECK (bimanual_dexterity BETWEEN 1 AND 5),"
+    "  flow INTEGER NOT NULL CHECK (flow BETWEEN 1 AND 5),"
+    "  quality INTEGER NOT NULL CHECK (quality BETWEEN 1 AND 5),"
+    "  autonomy INTEGER NOT NULL CHECK (autonomy BETWEEN 1 AND 3),"
+    "  remark TEXT,"
+    "  UNIQUE (attempt_id, account_id)"
+    ") STRICT;"
+    "CREATE INDEX rating_account ON rating (account_id);"
+    "INSERT INTO attempt VALUES (1, 1, 1, 'centring', 1, 'Centring', "
+    "'00000000000000000000000000000000000000000000000000000000000000ff', 'practice', 'right', 0, "
+    "10, 1500, 40, 2, 2, 0, 0, 'passed', 'done', 120, 2, 0, '{}', '[]');"
+    "INSERT INTO audit_seal VALUES (1, 1, 'aa', 5, 'bb', 'cc');"
+    "PRAGMA user_version = 6;";
+
 // Each older version, and what is only in those from it on.
-#define PARTS 5
+#define PARTS 6
 static const char *const versions[][PARTS] = {
-    {version_1, "", "", "", ""},
-    {version_1, version_2, "", "", ""},
-    {version_1, version_2, version_3, "", ""},
-    {version_1, version_2, version_3, version_4, ""},
-    {version_1, version_2, version_3, version_4, version_5}};
+    {version_1, "", "", "", "", ""},
+    {version_1, version_2, "", "", "", ""},
+    {version_1, version_2, version_3, "", "", ""},
+    {version_1, version_2, version_3, version_4, "", ""},
+    {version_1, version_2, version_3, version_4, version_5, ""},
+    {version_1, version_2, version_3, version_4, version_5, version_6}};
 #define OLDER (sizeof versions / sizeof *versions)
 
 static void make_version(const char *name, size_t older) {
@@ -134,10 +264,10 @@ static void rows_of_every_version_are_as_they_were(void **state) {
             rows_of(store, LIST_SESSIONS, NULL),
             "id=0123456789abcdef0123456789abcdef|station=room-1|trainee=ada|case=tear-radial|"
             "case_hash=00000000000000ff|start_utc_ns=1000|end_utc_ns=2000|state=closed|steps=12|"
-            "missing=1|trace=/t/1.trace|trace_xxh3=1111111111111111|trace_hash=\n"
+            "missing=1|trace=/t/1.trace|trace_xxh3=1111111111111111|trace_hash=|part=1|server=\n"
             "id=1123456789abcdef0123456789abcdef|station=room-1|trainee=|case=tear-radial|"
             "case_hash=00000000000000ff|start_utc_ns=3000|end_utc_ns=|state=open|steps=0|missing=0|"
-            "trace=/t/2.trace|trace_xxh3=|trace_hash=\n");
+            "trace=/t/2.trace|trace_xxh3=|trace_hash=|part=1|server=\n");
         assert_string_equal(rows_of(store, LIST_RESULTS, NULL),
                             "session=0123456789abcdef0123456789abcdef|metric=over|"
                             "subject=meniscus_medial|version=1|unit=mm3|value=4.5|details=\n"
@@ -271,12 +401,12 @@ static void a_newer_file_is_refused_and_left_alone(void **state) {
     char aside[STORE_TEXT_MAX];
     struct store *store = open_records();
     store_close(&store);
-    assert_true(sql_passes("records.db", "PRAGMA user_version = 7"));
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 8"));
     assert_int_equal(store_open(store_path, STORE_MAKE, "tester", &store, &err), RESULT_VERSION);
-    assert_non_null(strstr(err.text, "version 7; this one reads up to 6"));
+    assert_non_null(strstr(err.text, "version 8; this one reads up to 7"));
     assert_int_equal(store_restore(store_path, in_folder("other.db"), "tester", aside, &err),
                      RESULT_VERSION);
-    assert_true(sql_passes("records.db", "PRAGMA user_version = 6"));
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 7"));
     store = open_records();
     store_close(&store);
 }

@@ -5,6 +5,8 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "cluster/keys.h"
+#include "cluster/posting.h"
+#include "cluster/shared_records.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -18,24 +20,21 @@
 
 #define TICK_NS (100 * NS_PER_MS)
 #define JOURNAL_NS (20 * NS_PER_MS)
-#define IN_FLIGHT_MAX 64
 #define MARKER_NS (5 * NS_PER_S)
 #define UNPROTECTED_NS (2 * NS_PER_S) // a message is on its way for some ms with each cut
 #define LEAVE_NS (2 * NS_PER_S)
 #define OF_JOURNAL (UINT64_C(1) << 63) // ids of writes that are no keys'
 #define FIRST_OF_BASE (UINT64_C(1) << 62)
 #define STATION_SHIFT 40
+#define TOKEN_MOST ((UINT64_C(1) << STATION_SHIFT) - 1)
 static const struct timespec moment = {.tv_nsec = 2 * NS_PER_MS};
 
 struct station_part {
     char subject[JET_TOKEN_SIZE + sizeof JET_JOURNAL];
     pthread_mutex_t lock; // of the journal
     struct journal_writer *journal;
-    atomic_int in_flight;
-    atomic_bool lost;                 // an answer that was none
-    atomic_uint_fast64_t base_begins; // sequence of the newest base's first message; 0: none
-    uint64_t purged;                  // before it
-    atomic_int_fast64_t whole_ns;     // when another server could last go on; 0: never
+    struct posting posting;
+    atomic_int_fast64_t whole_ns; // when another server could last go on; 0: never
 };
 
 struct heard {
@@ -52,6 +51,7 @@ struct outgoing {
 
 struct cluster {
     struct cluster_handler handler;
+    struct cluster_peer self; // but for its stations
     const char *const *names;
     int station_count;
     char life[JET_TEXT_SIZE];
@@ -73,6 +73,7 @@ struct cluster {
     int outgoing_count, outgoing_room;
 
     struct station_part *stations;
+    struct shared_records *records; // NULL: they are this server's alone
 };
 
 // ---- the life -----------------------------------------------------------------------------------
@@ -130,11 +131,7 @@ static void put_event(struct cluster *c, const struct heard *event) {
 static void journal_answered(struct cluster *c, uint64_t id, enum write_answer answer,
                              uint64_t sequence) {
     struct station_part *part = &c->stations[(id & ~(OF_JOURNAL | FIRST_OF_BASE)) >> STATION_SHIFT];
-    if (answer != WRITE_DONE)
-        atomic_store(&part->lost, true);
-    else if (id & FIRST_OF_BASE)
-        atomic_store(&part->base_begins, sequence);
-    atomic_fetch_sub(&part->in_flight, 1);
+    posting_answered(&part->posting, id & TOKEN_MOST, id & FIRST_OF_BASE, answer, sequence);
 }
 
 static void on_answered(void *user, uint64_t id, enum write_answer answer, uint64_t revision) {
@@ -223,8 +220,10 @@ static void on_changed(void *user, int station, enum station_owner owner) {
         pthread_mutex_lock(&part->lock);
         journal_own(part->journal, token);
         pthread_mutex_unlock(&part->lock);
+        posting_own(&part->posting, token);
         c->handler.owned(c->handler.user, station, token);
     } else if (owner == OWNER_ELSEWHERE || owner == OWNER_NONE) {
+        posting_own(&part->posting, 0);
         c->handler.lost(c->handler.user, station);
     }
 }
@@ -295,41 +294,42 @@ static void put_state(struct station_part *part, const char *trace) {
     free(bytes);
 }
 
-static bool is_first_of_base(const struct jet_message *message) {
-    static const uint8_t zero[sizeof(uint32_t)];
-    return !strcmp(message->kind, "base") &&
-           !memcmp((const uint8_t *)message->data + sizeof zero, zero, sizeof zero);
-}
-
-static void publish(struct cluster *c, int station) {
+static struct jet_letter *next_letter(struct cluster *c, int station, uint64_t *out_id) {
     struct station_part *part = &c->stations[station];
+    struct jet_letter *letter = NULL;
     struct jet_message message;
+    bool begins_base;
     pthread_mutex_lock(&part->lock);
-    while (atomic_load(&part->in_flight) < IN_FLIGHT_MAX && journal_next(part->journal, &message)) {
-        uint64_t id = OF_JOURNAL | (uint64_t)station << STATION_SHIFT;
-        if (is_first_of_base(&message))
-            id |= FIRST_OF_BASE;
+    if (posting_next(&part->posting, part->journal, &message, &begins_base)) {
+        *out_id = OF_JOURNAL | (uint64_t)station << STATION_SHIFT | message.token |
+                  (begins_base ? FIRST_OF_BASE : 0);
         message.subject = part->subject;
-        atomic_fetch_add(&part->in_flight, 1);
-        jet_publish(c->jet, id, &message);
+        letter = jet_pack(&message);
     }
     pthread_mutex_unlock(&part->lock);
+    return letter;
+}
+
+// Outside the lock, which the writer of traces needs: NATS may take nothing for a while.
+static void publish(struct cluster *c, int station) {
+    struct jet_letter *letter;
+    uint64_t id;
+    while ((letter = next_letter(c, station, &id)) != NULL)
+        jet_send(c->jet, id, letter);
 }
 
 static void purge(struct cluster *c, struct station_part *part) {
-    uint64_t begins = atomic_load(&part->base_begins);
-    if (begins == part->purged || atomic_load(&part->in_flight) || atomic_load(&part->lost))
-        return;
-    jet_purge(c->jet, part->subject, begins);
-    part->purged = begins;
+    bool serves = clock_now_ns() < atomic_load(&c->serves_until);
+    uint64_t before = posting_purges(&part->posting, serves);
+    if (before)
+        jet_purge(c->jet, part->subject, before);
 }
 
 static bool is_whole(struct cluster *c, struct station_part *part) {
     pthread_mutex_lock(&part->lock);
     bool whole = journal_is_whole(part->journal);
     pthread_mutex_unlock(&part->lock);
-    return whole && !atomic_load(&part->in_flight) && !atomic_load(&part->lost) &&
-           atomic_load(&c->connected);
+    return whole && posting_is_done(&part->posting) && atomic_load(&c->connected);
 }
 
 // While NATS is away a newer state still makes the records behind it fewer.
@@ -338,7 +338,7 @@ static void serve_journal(struct cluster *c, int station) {
     char trace[JOURNAL_PATH_MAX] = "";
     bool is_away = !atomic_load(&c->connected);
     pthread_mutex_lock(&part->lock);
-    if (atomic_exchange(&part->lost, false) || is_away)
+    if (posting_has_lost(&part->posting) || is_away)
         journal_break(part->journal);
     const char *wanted = is_away ? journal_newer_state(part->journal)
                                  : journal_wants_state(part->journal, clock_now_ns());
@@ -401,6 +401,16 @@ static void start_threads(struct cluster *c) {
     NEED(!failed, "thread");
 }
 
+static void describe_self(const struct cluster_settings *settings, struct cluster_peer *out) {
+    uint8_t secret[(SERVER_SECRET_SIZE - 1) / 2];
+    *out = (struct cluster_peer){.lives = true};
+    memcpy(out->name, settings->jet.name, sizeof out->name);
+    memcpy(out->pages, settings->pages, sizeof out->pages);
+    chance_fill(secret, sizeof secret);
+    for (size_t i = 0; i < sizeof secret; i++)
+        snprintf(out->secret + 2 * i, 3, "%02x", secret[i]);
+}
+
 enum result cluster_create(const struct cluster_settings *settings, const char *const *names,
                            int station_count, const char *life,
                            const struct cluster_handler *handler, struct cluster **out_cluster,
@@ -413,15 +423,17 @@ enum result cluster_create(const struct cluster_settings *settings, const char *
     c->names = names;
     c->station_count = station_count;
     snprintf(c->life, sizeof c->life, "%s", life);
-    snprintf(value.stations, sizeof value.stations, "%s", settings->stations);
-    snprintf(value.pages, sizeof value.pages, "%s", settings->pages);
+    describe_self(settings, &c->self);
+    memcpy(value.stations, settings->stations, sizeof value.stations);
+    memcpy(value.pages, c->self.pages, sizeof value.pages);
+    memcpy(value.secret, c->self.secret, sizeof value.secret);
     pthread_mutex_init(&c->lock, NULL);
     pthread_mutex_init(&c->event_lock, NULL);
     pthread_cond_init(&c->event, NULL);
     create_stations(c);
     uint64_t before = life_before(c);
-    c->ownership = ownership_create(settings->jet.name, &value, before, station_count,
-                                    &of_ownership, clock_now_ns());
+    c->ownership =
+        ownership_create(settings->jet.name, &value, before, station_count, &of_ownership);
     enum result result = jet_create(&settings->jet, &of_jet, &c->jet, err);
     if (result == RESULT_OK) {
         start_threads(c);
@@ -437,7 +449,7 @@ enum result cluster_create(const struct cluster_settings *settings, const char *
 static void leave(struct cluster *c) {
     int64_t until_ns = clock_now_ns() + LEAVE_NS;
     for (int i = 0; i < c->station_count && atomic_load(&c->connected); i++)
-        while (atomic_load(&c->stations[i].in_flight) && clock_now_ns() < until_ns)
+        while (atomic_load(&c->stations[i].posting.in_flight) && clock_now_ns() < until_ns)
             nanosleep(&moment, NULL);
     pthread_mutex_lock(&c->lock);
     ownership_leave(c->ownership, clock_now_ns());
@@ -452,18 +464,58 @@ static void leave(struct cluster *c) {
     }
 }
 
-void cluster_destroy(struct cluster **cluster) {
-    struct cluster *c = *cluster;
-    if (!c)
-        return;
+void cluster_leave_all(struct cluster *c) {
     leave(c);
     atomic_store(&c->ends, true);
     call(c);
     pthread_join(c->lease_thread, NULL);
     pthread_join(c->journal_thread, NULL);
+}
+
+void cluster_destroy(struct cluster **cluster) {
+    struct cluster *c = *cluster;
+    if (!c)
+        return;
+    shared_records_destroy(&c->records);
     jet_destroy(&c->jet);
+    jet_end_library();
     release(c);
     *cluster = NULL;
+}
+
+enum result cluster_share_records(struct cluster *c, const char *path, const atomic_bool *ends,
+                                  struct error *err) {
+    return shared_records_create(c->jet, path, c->self.name, ends, &c->records, err);
+}
+
+// ---- a look from outside ------------------------------------------------------------------------
+
+struct look {
+    struct cluster_peer *peers;
+    int count, room;
+};
+
+static void take_look(void *user, const char *key, const char *value, size_t size) {
+    struct look *look = user;
+    bool is_server;
+    char name[SERVER_NAME_SIZE];
+    struct server_value server;
+    if (look->count == look->room || !key_parse(key, &is_server, name) || !is_server ||
+        !key_server_value(value, size, &server))
+        return;
+    struct cluster_peer *peer = &look->peers[look->count++];
+    *peer = (struct cluster_peer){0};
+    memcpy(peer->name, name, sizeof peer->name);
+    memcpy(peer->pages, server.pages, sizeof peer->pages);
+    memcpy(peer->secret, server.secret, sizeof peer->secret);
+}
+
+enum result cluster_look(const struct cluster_settings *settings, struct cluster_peer *out_peers,
+                         int room, int *out_count, struct error *err) {
+    struct look look = {out_peers, 0, room};
+    enum result result = jet_look(&settings->jet, take_look, &look, err);
+    *out_count = look.count;
+    return result;
 }
 
 // ---- who serves ---------------------------------------------------------------------------------
@@ -512,6 +564,59 @@ bool cluster_other(struct cluster *c, int which, char out_server[SERVER_ADDRESS_
     return out_server[0];
 }
 
+// The caller has the lock.
+static int list_peers(struct cluster *c, struct cluster_peer *out, int room, int64_t now_ns) {
+    int count = 0;
+    while (count < room && ownership_peer(c->ownership, count, now_ns, &out[count]))
+        count++;
+    return count;
+}
+
+void cluster_server_name(struct cluster *c, int station, char out_name[SERVER_NAME_SIZE]) {
+    struct cluster_peer peer;
+    int64_t now_ns = clock_now_ns();
+    out_name[0] = '\0';
+    pthread_mutex_lock(&c->lock);
+    int by = ownership_served_by(c->ownership, station, now_ns);
+    if (by >= 0 && ownership_peer(c->ownership, by, now_ns, &peer))
+        memcpy(out_name, peer.name, sizeof peer.name);
+    pthread_mutex_unlock(&c->lock);
+}
+
+int cluster_whose(struct cluster *c, struct cluster_peer *out, int room, int *out_served_by) {
+    int64_t now_ns = clock_now_ns();
+    pthread_mutex_lock(&c->lock);
+    int count = list_peers(c, out, room, now_ns);
+    for (int i = 0; i < c->station_count; i++) {
+        int by = ownership_served_by(c->ownership, i, now_ns);
+        out_served_by[i] = by < room ? by : SERVED_NOWHERE;
+    }
+    pthread_mutex_unlock(&c->lock);
+    return count;
+}
+
+int cluster_peers(struct cluster *c, struct cluster_peer *out, int room) {
+    int *served_by = alloc((size_t)c->station_count, sizeof *served_by);
+    int count = cluster_whose(c, out, room, served_by);
+    for (int i = 0; i < c->station_count; i++)
+        if (served_by[i] >= 0)
+            out[served_by[i]].stations++;
+    free(served_by);
+    return count;
+}
+
+void cluster_self(struct cluster *c, struct cluster_peer *out) {
+    *out = c->self;
+    pthread_mutex_lock(&c->lock);
+    for (int i = 0; i < c->station_count; i++)
+        out->stations += ownership_of(c->ownership, i) == OWNER_SELF;
+    pthread_mutex_unlock(&c->lock);
+}
+
+bool cluster_is_connected(const struct cluster *c) {
+    return atomic_load(&c->connected);
+}
+
 const atomic_int_fast64_t *cluster_serves_until(const struct cluster *c) {
     return &c->serves_until;
 }
@@ -555,6 +660,20 @@ bool cluster_protects(struct cluster *c, int station) {
     return whole_ns && clock_now_ns() - whole_ns < UNPROTECTED_NS;
 }
 
+void cluster_refresh(struct cluster *c, int station) {
+    pthread_mutex_lock(&c->stations[station].lock);
+    journal_refresh(c->stations[station].journal);
+    pthread_mutex_unlock(&c->stations[station].lock);
+}
+
+bool cluster_is_fresh(struct cluster *c, int station) {
+    struct station_part *part = &c->stations[station];
+    pthread_mutex_lock(&part->lock);
+    bool fresh = journal_is_fresh(part->journal);
+    pthread_mutex_unlock(&part->lock);
+    return fresh && is_whole(c, part);
+}
+
 static bool has_nothing(struct station_part *part) {
     pthread_mutex_lock(&part->lock);
     bool empty = journal_is_empty(part->journal);
@@ -585,13 +704,13 @@ static enum result wait_for_marker(struct cluster *c, int station, struct error 
     int64_t until_ns = clock_now_ns() + MARKER_NS;
     bool is_given;
     do {
-        if (atomic_load(&part->lost) || clock_now_ns() >= until_ns)
+        if (atomic_load(&part->posting.lost) || clock_now_ns() >= until_ns)
             return fail(err, RESULT_TIMEOUT, "NATS does not answer");
         nanosleep(&moment, NULL);
         pthread_mutex_lock(&part->lock);
         is_given = journal_owns(part->journal);
         pthread_mutex_unlock(&part->lock);
-    } while (!is_given || atomic_load(&part->in_flight));
+    } while (!is_given || atomic_load(&part->posting.in_flight));
     return RESULT_OK;
 }
 
@@ -601,4 +720,10 @@ enum result cluster_read(struct cluster *c, int station, struct journal_reader *
     if (result == RESULT_OK)
         result = jet_read(c->jet, c->stations[station].subject, 0, take_message, reader, err);
     return result;
+}
+
+void cluster_go_on(struct cluster *c, int station, uint64_t token) {
+    pthread_mutex_lock(&c->stations[station].lock);
+    journal_go_on(c->stations[station].journal, token);
+    pthread_mutex_unlock(&c->stations[station].lock);
 }

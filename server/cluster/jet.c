@@ -18,13 +18,27 @@
 
 #define BUCKET "arthron-lease"
 #define JOURNAL_STREAM "arthron-journal"
+#define RECORDS_STREAM "arthron-records"
 #define ANSWER_MS 2000
+#define SEND_MS 1000 // until NATS, which takes nothing, counts as away
+#define CONNECT_MS 1500
 #define PATIENCE_MS 5000 // of questions that wait
 #define RECONNECT_MS 250
 #define PING_MS 2000
 #define WATCH_MS 500         // the thread looks so often whether it is to end
 #define WATCH_SILENT_MS 8000 // own renewals are seen more often: a watch that shows none is dead
 #define PENDING_MOST 65536
+#define LEFT_AT_ONCE 4 // a consumer of NATS is removed for each, while nobody watches
+
+// What nobody reads any more. The library's reading thread may hold it still, and does not tell
+// (libnats before 3.6.1): it is freed once that thread has read on, or has ended.
+struct left {
+    struct left *next;
+    natsSubscription *sub; // NULL: it is a watcher
+    kvWatcher *watcher;
+    bool is_stopped; // when the thread had read on once: a ping that could not be sent looks
+                     // answered
+};
 
 struct jet {
     struct jet_settings settings;
@@ -35,7 +49,10 @@ struct jet {
     pthread_t thread;
     bool has_thread;
     atomic_bool ends, is_connected, anew; // anew: the watch has to begin again
-    sem_t closed;                         // the connection's last word
+    atomic_uint generation;
+    sem_t closed; // the connection's last word
+    pthread_mutex_t left_lock;
+    struct left *left;
 };
 
 // ---- names --------------------------------------------------------------------------------------
@@ -116,7 +133,12 @@ void jet_write_key(struct jet *jet, uint64_t id, const char *key, uint64_t repla
     send_message(jet, id, message);
 }
 
-void jet_publish(struct jet *jet, uint64_t id, const struct jet_message *m) {
+static const char *stream_of(const char *subject) {
+    bool of_records = !strncmp(subject, JET_RECORDS, sizeof JET_RECORDS - 1);
+    return of_records ? RECORDS_STREAM : JOURNAL_STREAM;
+}
+
+static natsMsg *pack(const struct jet_message *m) {
     char name[JET_TEXT_SIZE + 64];
     natsMsg *message = NULL;
     CHECK(m->size <= JET_PART_MAX);
@@ -127,11 +149,36 @@ void jet_publish(struct jet *jet, uint64_t id, const struct jet_message *m) {
     set_number(message, "Arthron-Token", m->token);
     set_number(message, "Arthron-Number", m->number);
     natsMsgHeader_Set(message, "Arthron-Kind", m->kind);
-    send_message(jet, id, message);
+    return message;
+}
+
+struct jet_letter *jet_pack(const struct jet_message *message) {
+    return (struct jet_letter *)pack(message);
+}
+
+void jet_send(struct jet *jet, uint64_t id, struct jet_letter *letter) {
+    send_message(jet, id, (natsMsg *)letter);
+}
+
+static enum result fail_by(struct error *err, const char *subject, natsStatus status) {
+    enum result result = status == NATS_NOT_FOUND ? RESULT_MISSING : RESULT_TIMEOUT;
+    return fail(err, result, "%s: NATS: %s", subject, natsStatus_GetText(status));
+}
+
+enum result jet_publish_now(struct jet *jet, const struct jet_message *m, uint64_t *out_sequence,
+                            struct error *err) {
+    natsMsg *message = pack(m);
+    jsPubAck *answer = NULL;
+    natsStatus status = js_PublishMsg(&answer, jet->js, message, NULL, NULL);
+    if (status == NATS_OK)
+        *out_sequence = answer->Sequence;
+    jsPubAck_Destroy(answer);
+    natsMsg_Destroy(message);
+    return status == NATS_OK ? RESULT_OK : fail_by(err, m->subject, status);
 }
 
 void jet_purge(struct jet *jet, const char *subject, uint64_t before) {
-    char request[JET_TEXT_SIZE + 64];
+    char request[JET_TEXT_SIZE + 64], call[64];
     if (before == 1) // NATS would take that for all
         return;
     if (before)
@@ -139,8 +186,78 @@ void jet_purge(struct jet *jet, const char *subject, uint64_t before) {
                  before);
     else
         snprintf(request, sizeof request, "{\"filter\":\"%s\"}", subject);
-    natsConnection_PublishRequest(jet->connection, "$JS.API.STREAM.PURGE." JOURNAL_STREAM,
-                                  "arthron.unheard", request, (int)strlen(request));
+    snprintf(call, sizeof call, "$JS.API.STREAM.PURGE.%s", stream_of(subject));
+    natsConnection_PublishRequest(jet->connection, call, "arthron.unheard", request,
+                                  (int)strlen(request));
+}
+
+// ---- what is left behind ------------------------------------------------------------------------
+
+static void keep_left(struct jet *jet, struct left *left) {
+    pthread_mutex_lock(&jet->left_lock);
+    left->next = jet->left;
+    jet->left = left;
+    pthread_mutex_unlock(&jet->left_lock);
+}
+
+static void leave(struct jet *jet, natsSubscription *sub, kvWatcher *watcher) {
+    struct left *left = alloc(1, sizeof *left);
+    left->sub = sub;
+    left->watcher = watcher;
+    keep_left(jet, left);
+}
+
+static struct left *take_left(struct jet *jet, int most) {
+    struct left *taken = NULL;
+    pthread_mutex_lock(&jet->left_lock);
+    for (struct left *left; most-- && (left = jet->left);) {
+        jet->left = left->next;
+        left->next = taken;
+        taken = left;
+    }
+    pthread_mutex_unlock(&jet->left_lock);
+    return taken;
+}
+
+static void free_left(struct left *left) {
+    natsSubscription_Destroy(left->sub);
+    kvWatcher_Destroy(left->watcher);
+    free(left);
+}
+
+static void stop_left(struct left *left) {
+    if (left->sub)
+        natsSubscription_Unsubscribe(left->sub);
+    else
+        kvWatcher_Stop(left->watcher);
+}
+
+static bool goes_on(struct jet *jet) {
+    return !atomic_load(&jet->ends) && !atomic_load(&jet->anew);
+}
+
+// The answer to a ping comes to the thread that reads: what it had before, it holds no more.
+static bool has_read_on(struct jet *jet) {
+    return goes_on(jet) && natsConnection_FlushTimeout(jet->connection, ANSWER_MS) == NATS_OK;
+}
+
+static void clear_left(struct jet *jet) {
+    struct left *taken = take_left(jet, LEFT_AT_ONCE);
+    if (!taken)
+        return;
+    for (struct left *left = taken; left && goes_on(jet); left = left->next)
+        if (!left->is_stopped)
+            stop_left(left);
+    bool read_on = has_read_on(jet);
+    for (struct left *next; taken; taken = next) {
+        next = taken->next;
+        if (read_on && taken->is_stopped) {
+            free_left(taken);
+            continue;
+        }
+        taken->is_stopped = read_on;
+        keep_left(jet, taken);
+    }
 }
 
 // ---- reading ------------------------------------------------------------------------------------
@@ -154,11 +271,38 @@ static const char *kind_of(natsMsg *message) {
 static natsStatus last_sequence(struct jet *jet, const char *subject, uint64_t *out) {
     natsMsg *last = NULL;
     jsErrCode code = 0;
-    natsStatus status = js_GetLastMsg(&last, jet->js, JOURNAL_STREAM, subject, NULL, &code);
+    natsStatus status = js_GetLastMsg(&last, jet->js, stream_of(subject), subject, NULL, &code);
     if (status == NATS_OK)
         *out = natsMsg_GetSequence(last);
     natsMsg_Destroy(last);
     return code == JSNoMessageFoundErr ? NATS_NOT_FOUND : status;
+}
+
+// The data live as long as the message, which the caller destroys.
+static natsStatus next_message(natsSubscription *sub, const char *subject, int wait_ms,
+                               natsMsg **out_message, struct jet_message *out,
+                               uint64_t *out_sequence) {
+    natsMsg *message = NULL;
+    jsMsgMetaData *about = NULL;
+    natsStatus status = natsSubscription_NextMsg(&message, sub, wait_ms);
+    if (status == NATS_OK)
+        status = natsMsg_GetMetaData(&about, message);
+    if (status != NATS_OK) {
+        natsMsg_Destroy(message);
+        return status;
+    }
+    *out_sequence = about->Sequence.Stream;
+    *out = (struct jet_message){
+        .subject = subject,
+        .token = number_of(message, "Arthron-Token"),
+        .number = number_of(message, "Arthron-Number"),
+        .kind = kind_of(message),
+        .data = natsMsg_GetData(message),
+        .size = (size_t)natsMsg_GetDataLength(message),
+    };
+    jsMsgMetaData_Destroy(about);
+    *out_message = message;
+    return NATS_OK;
 }
 
 static natsStatus read_messages(natsSubscription *sub, const char *subject, uint64_t until,
@@ -167,35 +311,16 @@ static natsStatus read_messages(natsSubscription *sub, const char *subject, uint
                                 void *user) {
     for (uint64_t sequence = 0; sequence < until;) {
         natsMsg *message = NULL;
-        jsMsgMetaData *about = NULL;
-        natsStatus status = natsSubscription_NextMsg(&message, sub, PATIENCE_MS);
-        if (status == NATS_OK)
-            status = natsMsg_GetMetaData(&about, message);
-        if (status != NATS_OK) {
-            natsMsg_Destroy(message);
+        struct jet_message one;
+        natsStatus status = next_message(sub, subject, PATIENCE_MS, &message, &one, &sequence);
+        if (status != NATS_OK)
             return status;
-        }
-        sequence = about->Sequence.Stream;
-        struct jet_message one = {
-            .subject = subject,
-            .token = number_of(message, "Arthron-Token"),
-            .number = number_of(message, "Arthron-Number"),
-            .kind = kind_of(message),
-            .data = natsMsg_GetData(message),
-            .size = (size_t)natsMsg_GetDataLength(message),
-        };
         bool more = sequence > until || take(user, &one, sequence);
-        jsMsgMetaData_Destroy(about);
         natsMsg_Destroy(message);
         if (!more)
             return NATS_OK;
     }
     return NATS_OK;
-}
-
-static enum result fail_by(struct error *err, const char *subject, natsStatus status) {
-    enum result result = status == NATS_NOT_FOUND ? RESULT_MISSING : RESULT_TIMEOUT;
-    return fail(err, result, "%s: NATS: %s", subject, natsStatus_GetText(status));
 }
 
 enum result jet_read(struct jet *jet, const char *subject, uint64_t until,
@@ -213,18 +338,107 @@ enum result jet_read(struct jet *jet, const char *subject, uint64_t until,
         status = js_SubscribeSync(&sub, jet->js, subject, NULL, &options, NULL);
     if (status == NATS_OK)
         status = read_messages(sub, subject, until, take, user);
-    natsSubscription_Destroy(sub);
+    if (sub)
+        leave(jet, sub, NULL);
     return status == NATS_OK ? RESULT_OK : fail_by(err, subject, status);
+}
+
+// ---- following ----------------------------------------------------------------------------------
+
+struct jet_follower {
+    struct jet *jet;
+    natsSubscription *sub;
+    natsMsg *message; // whose data were given out
+    char subject[];
+};
+
+enum result jet_follow(struct jet *jet, const char *subject, uint64_t from,
+                       struct jet_follower **out_follower, struct error *err) {
+    size_t length = strlen(subject) + 1;
+    struct jet_follower *follower = alloc(1, sizeof *follower + length);
+    jsSubOptions options;
+    follower->jet = jet;
+    memcpy(follower->subject, subject, length);
+    jsSubOptions_Init(&options);
+    options.Ordered = true;
+    options.Stream = stream_of(subject);
+    options.Config.DeliverPolicy = js_DeliverByStartSequence;
+    options.Config.OptStartSeq = from;
+    natsStatus status = js_SubscribeSync(&follower->sub, jet->js, subject, NULL, &options, NULL);
+    if (status != NATS_OK)
+        jet_follow_end(&follower);
+    *out_follower = follower;
+    return status == NATS_OK ? RESULT_OK : fail_by(err, subject, status);
+}
+
+enum result jet_follow_next(struct jet_follower *follower, int wait_ms, struct jet_message *out,
+                            uint64_t *out_sequence, struct error *err) {
+    natsMsg_Destroy(follower->message);
+    follower->message = NULL;
+    natsStatus status = next_message(follower->sub, follower->subject, wait_ms, &follower->message,
+                                     out, out_sequence);
+    if (status == NATS_TIMEOUT)
+        return RESULT_MISSING;
+    return status == NATS_OK ? RESULT_OK : fail_by(err, follower->subject, status);
+}
+
+void jet_follow_end(struct jet_follower **follower) {
+    if (!*follower)
+        return;
+    natsMsg_Destroy((*follower)->message);
+    if ((*follower)->sub)
+        leave((*follower)->jet, (*follower)->sub, NULL);
+    free(*follower);
+    *follower = NULL;
+}
+
+static enum result erase_one(struct jet *jet, const char *subject, uint64_t sequence,
+                             struct error *err) {
+    natsStatus status = js_EraseMsg(jet->js, stream_of(subject), sequence, NULL, NULL);
+    return status == NATS_OK || status == NATS_NOT_FOUND ? RESULT_OK
+                                                         : fail_by(err, subject, status);
+}
+
+enum result jet_erase(struct jet *jet, const char *subject, uint64_t before, struct error *err) {
+    struct jet_follower *follower;
+    struct jet_message message;
+    uint64_t sequence = 0, last = 0;
+    natsStatus status = last_sequence(jet, subject, &last);
+    if (status != NATS_OK)
+        return status == NATS_NOT_FOUND ? RESULT_OK : fail_by(err, subject, status);
+    enum result result = jet_follow(jet, subject, 1, &follower, err);
+    while (result == RESULT_OK && sequence < last) {
+        result = jet_follow_next(follower, ANSWER_MS, &message, &sequence, err);
+        if (result == RESULT_MISSING)
+            result = fail(err, RESULT_TIMEOUT, "%s: NATS does not tell what is there", subject);
+        if (result != RESULT_OK || sequence >= before)
+            break;
+        result = erase_one(jet, subject, sequence, err);
+    }
+    jet_follow_end(&follower);
+    return result;
+}
+
+unsigned jet_generation(const struct jet *jet) {
+    return atomic_load(&jet->generation);
+}
+
+enum result jet_last_of_records(struct jet *jet, uint64_t *out_sequence, struct error *err) {
+    jsStreamInfo *info = NULL;
+    natsStatus status = js_GetStreamInfo(&info, jet->js, RECORDS_STREAM, NULL, NULL);
+    if (status == NATS_OK)
+        *out_sequence = info->State.LastSeq;
+    jsStreamInfo_Destroy(info);
+    return status == NATS_OK ? RESULT_OK : fail_by(err, RECORDS_STREAM, status);
 }
 
 // ---- the streams --------------------------------------------------------------------------------
 
-static natsStatus make_stream(struct jet *jet) {
-    const char *subjects = JET_JOURNAL "*";
+static natsStatus make_stream(struct jet *jet, const char *name, const char *subjects) {
     jsStreamConfig config;
     jsErrCode code = 0;
     jsStreamConfig_Init(&config);
-    config.Name = JOURNAL_STREAM;
+    config.Name = name;
     config.Subjects = &subjects;
     config.SubjectsLen = 1;
     config.Replicas = jet->settings.replicas;
@@ -249,21 +463,59 @@ static natsStatus open_bucket(struct jet *jet, kvStore **out) {
 static natsStatus make_all(struct jet *jet, kvStore **out_bucket) {
     natsStatus status = open_bucket(jet, out_bucket);
     if (status == NATS_OK)
-        status = make_stream(jet);
+        status = make_stream(jet, JOURNAL_STREAM, JET_JOURNAL "*");
+    if (status == NATS_OK)
+        status = make_stream(jet, RECORDS_STREAM, JET_RECORDS "*");
     return status;
 }
 
-// ---- the watch ----------------------------------------------------------------------------------
+// ---- keys, at once ------------------------------------------------------------------------------
 
-static bool goes_on(struct jet *jet) {
-    return !atomic_load(&jet->ends) && !atomic_load(&jet->anew);
+enum result jet_read_key(struct jet *jet, const char *key, char *out_value, size_t size,
+                         uint64_t *out_revision, struct error *err) {
+    kvStore *bucket = NULL;
+    kvEntry *entry = NULL;
+    enum result result = RESULT_OK;
+    natsStatus status = make_all(jet, &bucket);
+    if (status == NATS_OK)
+        status = kvStore_Get(&entry, bucket, key);
+    if (status == NATS_OK) {
+        *out_revision = kvEntry_Revision(entry);
+        int length = snprintf(out_value, size, "%.*s", kvEntry_ValueLen(entry),
+                              (const char *)kvEntry_Value(entry));
+        if ((size_t)length >= size)
+            result = fail(err, RESULT_LIMIT, "NATS: key %s: it is too long", key);
+    } else {
+        result = fail_by(err, key, status);
+    }
+    kvEntry_Destroy(entry);
+    kvStore_Destroy(bucket);
+    return result;
 }
+
+enum result jet_replace_key(struct jet *jet, const char *key, uint64_t replaces, const char *value,
+                            struct error *err) {
+    kvStore *bucket = NULL;
+    uint64_t revision;
+    natsStatus status = open_bucket(jet, &bucket);
+    bool reached = status == NATS_OK;
+    if (reached)
+        status = replaces ? kvStore_UpdateString(&revision, bucket, key, value, replaces)
+                          : kvStore_CreateString(&revision, bucket, key, value);
+    kvStore_Destroy(bucket);
+    if (reached && status == NATS_ERR)
+        return fail(err, RESULT_REFUSED, "NATS: key %s: another server has changed it", key);
+    return status == NATS_OK ? RESULT_OK : fail_by(err, key, status);
+}
+
+// ---- the watch ----------------------------------------------------------------------------------
 
 // NATS forgets a watch that was cut off for some seconds, and does not say so.
 static void watch(struct jet *jet, kvWatcher *watcher) {
     int silent_ms = 0;
     while (goes_on(jet) && silent_ms < WATCH_SILENT_MS) {
         kvEntry *entry = NULL;
+        clear_left(jet);
         natsStatus status = kvWatcher_Next(&entry, watcher, WATCH_MS);
         silent_ms = status == NATS_OK ? 0 : silent_ms + WATCH_MS;
         if (status != NATS_OK && status != NATS_TIMEOUT)
@@ -286,7 +538,8 @@ static void watch_once(struct jet *jet) {
         watch(jet, watcher);
     else if (atomic_load(&jet->is_connected))
         log_warning("cluster", "NATS: streams and keys: %s", natsStatus_GetText(status));
-    kvWatcher_Destroy(watcher);
+    if (watcher)
+        leave(jet, NULL, watcher);
     kvStore_Destroy(bucket);
 }
 
@@ -304,6 +557,7 @@ static void *serve(void *argument) {
 
 static void tell(struct jet *jet, bool is_connected) {
     atomic_store(&jet->anew, true);
+    atomic_fetch_add(&jet->generation, 1);
     if (atomic_exchange(&jet->is_connected, is_connected) != is_connected)
         jet->handler.connected(jet->handler.user, is_connected);
 }
@@ -357,7 +611,8 @@ static natsStatus set_options(struct jet *jet) {
         natsOptions_SetReconnectBufSize(o, 1),
         natsOptions_SetPingInterval(o, PING_MS),
         natsOptions_SetMaxPingsOut(o, 2),
-        natsOptions_SetTimeout(o, PATIENCE_MS),
+        natsOptions_SetTimeout(o, CONNECT_MS),
+        natsOptions_SetWriteDeadline(o, SEND_MS),
         natsOptions_SetRetryOnFailedConnect(o, true, on_connected, jet),
         natsOptions_SetReconnectedCB(o, on_connected, jet),
         natsOptions_SetDisconnectedCB(o, on_disconnected, jet),
@@ -402,20 +657,27 @@ static enum result connect_to(struct jet *jet, struct error *err) {
     return RESULT_OK;
 }
 
-enum result jet_create(const struct jet_settings *settings, const struct jet_handler *handler,
-                       struct jet **out_jet, struct error *err) {
-    struct jet *jet = alloc(1, sizeof *jet);
+// Connected to nothing yet. Destroy it after an error too.
+static enum result prepare(const struct jet_settings *settings, const struct jet_handler *handler,
+                           struct jet **out_jet, struct error *err) {
+    struct jet *jet = *out_jet = alloc(1, sizeof *jet);
     jet->settings = *settings;
     jet->handler = *handler;
     sem_init(&jet->closed, 0, 0);
+    pthread_mutex_init(&jet->left_lock, NULL);
     natsStatus status = natsOptions_Create(&jet->options);
     if (status == NATS_OK)
         status = set_options(jet);
     if (status == NATS_OK)
         status = set_trust(jet);
-    enum result result = status == NATS_OK
-                             ? set_user(jet, err)
+    return status == NATS_OK ? set_user(jet, err)
                              : fail(err, RESULT_INVALID, "NATS: %s", nats_GetLastError(NULL));
+}
+
+enum result jet_create(const struct jet_settings *settings, const struct jet_handler *handler,
+                       struct jet **out_jet, struct error *err) {
+    struct jet *jet;
+    enum result result = prepare(settings, handler, &jet, err);
     if (result == RESULT_OK)
         result = connect_to(jet, err);
     if (result == RESULT_OK) {
@@ -429,6 +691,14 @@ enum result jet_create(const struct jet_settings *settings, const struct jet_han
     return result;
 }
 
+// The library gives them on a thread that nothing else waits for.
+static void wait_for_answers(struct jet *jet) {
+    jsPubOptions options;
+    jsPubOptions_Init(&options);
+    options.MaxWait = ANSWER_MS + SEND_MS;
+    js_PublishAsyncComplete(jet->js, &options);
+}
+
 void jet_destroy(struct jet **jet) {
     struct jet *j = *jet;
     if (!j)
@@ -436,15 +706,76 @@ void jet_destroy(struct jet **jet) {
     atomic_store(&j->ends, true);
     if (j->has_thread)
         pthread_join(j->thread, NULL);
+    if (j->js)
+        wait_for_answers(j);
     if (j->connection) {
         natsConnection_Close(j->connection);
         while (sem_wait(&j->closed) && errno == EINTR)
             ;
     }
+    for (struct left *left; (left = take_left(j, 1)) != NULL;)
+        free_left(left);
     jsCtx_Destroy(j->js);
     natsConnection_Destroy(j->connection);
     natsOptions_Destroy(j->options);
     sem_destroy(&j->closed);
+    pthread_mutex_destroy(&j->left_lock);
     free(j);
     *jet = NULL;
+}
+
+// A library that is closed frees at the process's end what OpenSSL frees there, too: it is opened
+// again.
+void jet_end_library(void) {
+    if (nats_CloseAndWait(ANSWER_MS) == NATS_OK)
+        nats_Open(-1);
+}
+
+// ---- a look -------------------------------------------------------------------------------------
+
+static void ignore(void *user, bool is_connected) {
+    (void)user, (void)is_connected;
+}
+
+// An entry that is none comes behind the last that is there.
+static natsStatus
+take_keys(kvWatcher *watcher,
+          void (*take)(void *user, const char *key, const char *value, size_t size), void *user) {
+    for (;;) {
+        kvEntry *entry = NULL;
+        natsStatus status = kvWatcher_Next(&entry, watcher, PATIENCE_MS);
+        if (status != NATS_OK || !entry)
+            return status;
+        take(user, kvEntry_Key(entry), kvEntry_Value(entry), (size_t)kvEntry_ValueLen(entry));
+        kvEntry_Destroy(entry);
+    }
+}
+
+enum result jet_look(const struct jet_settings *settings,
+                     void (*take)(void *user, const char *key, const char *value, size_t size),
+                     void *user, struct error *err) {
+    const struct jet_handler handler = {.connected = ignore};
+    struct jet *jet;
+    kvStore *bucket = NULL;
+    kvWatcher *watcher = NULL;
+    enum result result = prepare(settings, &handler, &jet, err);
+    if (result == RESULT_OK) {
+        natsOptions_SetRetryOnFailedConnect(jet->options, false, NULL, NULL);
+        result = connect_to(jet, err);
+    }
+    if (result == RESULT_OK) {
+        natsStatus status = js_KeyValue(&bucket, jet->js, BUCKET);
+        bool is_new = status == NATS_NOT_FOUND;
+        if (status == NATS_OK)
+            status = kvStore_WatchAll(&watcher, bucket, NULL);
+        if (status == NATS_OK)
+            status = take_keys(watcher, take, user);
+        if (status != NATS_OK && !is_new)
+            result = fail(err, RESULT_TIMEOUT, "NATS: %s", natsStatus_GetText(status));
+    }
+    if (watcher)
+        leave(jet, NULL, watcher);
+    kvStore_Destroy(bucket);
+    jet_destroy(&jet);
+    return result;
 }

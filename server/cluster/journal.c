@@ -62,8 +62,10 @@ struct placed {
 struct journal_writer {
     uint64_t token, number;
     bool owns, owned; // since journal_own; `owned` is to be given out
+    bool waits;       // for journal_go_on
 
     bool runs, ends; // a session; `ended` is to be given out
+    bool has_ended;  // the last session, of which `ended` was perhaps lost
     char trace[JOURNAL_PATH_MAX];
     struct trace_header header;
     struct trace_journal tap;
@@ -72,6 +74,7 @@ struct journal_writer {
     size_t place_count, place_room;
 
     bool kept, is_newer; // a state is on disk; one that the base has not
+    bool refreshes;      // since journal_refresh
     bool has_base;       // a base was made, and nothing behind it lost
     int64_t base_ns;
     int jobs; // behind the base
@@ -87,7 +90,8 @@ struct journal_writer *journal_writer_create(void) {
 static void clear_session(struct journal_writer *w) {
     w->standing.size = w->since.size = w->base.size = w->more.size = 0;
     w->place_count = w->given = 0;
-    w->kept = w->is_newer = w->has_base = w->runs = w->ends = false;
+    w->kept = w->is_newer = w->refreshes = w->has_base = false;
+    w->runs = w->ends = w->has_ended = false;
     w->jobs = 0;
 }
 
@@ -108,9 +112,14 @@ void journal_writer_destroy(struct journal_writer **writer) {
 void journal_own(struct journal_writer *w, uint64_t token) {
     w->token = token;
     w->number = 0;
-    w->owns = true;
-    w->ends = false;
+    w->owns = w->waits = true;
+    w->has_ended = false;
     journal_break(w);
+}
+
+void journal_go_on(struct journal_writer *w, uint64_t token) {
+    if (token == w->token)
+        w->waits = false;
 }
 
 void journal_begin(struct journal_writer *w, const struct trace_header *header, const char *trace,
@@ -123,9 +132,9 @@ void journal_begin(struct journal_writer *w, const struct trace_header *header, 
 }
 
 void journal_end(struct journal_writer *w) {
-    bool ran = w->runs;
+    bool ends = w->runs || w->has_ended;
     clear_session(w);
-    w->ends = ran;
+    w->ends = w->has_ended = ends;
 }
 
 void journal_leave(struct journal_writer *w) {
@@ -164,8 +173,14 @@ void journal_kept(struct journal_writer *w) {
     w->kept = w->is_newer = w->runs;
 }
 
+void journal_refresh(struct journal_writer *w) {
+    w->refreshes = w->runs && (w->jobs || !w->has_base);
+    w->is_newer = false;
+}
+
 void journal_break(struct journal_writer *w) {
     w->owned = w->owns;
+    w->ends = w->has_ended;
     w->has_base = false;
     w->base.size = w->more.size = w->given = 0;
 }
@@ -175,9 +190,10 @@ const char *journal_newer_state(const struct journal_writer *w) {
 }
 
 const char *journal_wants_state(const struct journal_writer *w, int64_t now_ns) {
-    if (!w->kept || w->given < w->base.size)
+    if (!w->kept || w->waits || w->given < w->base.size)
         return NULL;
-    bool is_old = w->jobs >= JOBS_APART || (w->jobs && now_ns - w->base_ns >= BASES_APART_NS);
+    bool is_old =
+        w->refreshes || w->jobs >= JOBS_APART || (w->jobs && now_ns - w->base_ns >= BASES_APART_NS);
     return !w->has_base || (w->is_newer && is_old) ? w->trace : NULL;
 }
 
@@ -209,7 +225,7 @@ bool journal_put_state(struct journal_writer *w, const uint8_t *bytes, size_t si
     append_part(&w->base, w->standing.data, w->standing.size);
     append_part(&w->base, w->since.data, w->since.size);
     append_part(&w->base, bytes, size);
-    w->is_newer = false;
+    w->is_newer = w->refreshes = false;
     w->has_base = true;
     w->jobs = 0;
     w->base_ns = now_ns;
@@ -263,6 +279,8 @@ bool journal_next(struct journal_writer *w, struct jet_message *out) {
     if (w->owned) {
         begin_message(w, "owned", out);
         w->owned = false;
+    } else if (w->waits) {
+        return false;
     } else if (w->ends) {
         begin_message(w, "ended", out);
         w->ends = false;
@@ -286,6 +304,10 @@ bool journal_is_empty(const struct journal_writer *w) {
 
 bool journal_is_whole(const struct journal_writer *w) {
     return w->has_base && w->given == w->base.size && !w->more.size;
+}
+
+bool journal_is_fresh(const struct journal_writer *w) {
+    return !w->refreshes;
 }
 
 // ---- reading ------------------------------------------------------------------------------------

@@ -27,7 +27,11 @@ struct journal_writer *journal_writer_create(void);
 void journal_writer_destroy(struct journal_writer **writer);
 
 // The server has the station by this token: messages are numbered anew, the first is `owned`.
+// Nothing else is given out until journal_go_on: the session here, if there is one, may be older
+// than what others have written.
 void journal_own(struct journal_writer *writer, uint64_t token);
+// What others have written by lower tokens is known here.
+void journal_go_on(struct journal_writer *writer, uint64_t token);
 
 // A session begins here, or goes on. trace: its path. What came before it is told by
 // journal_record at once.
@@ -43,6 +47,9 @@ void journal_kept(struct journal_writer *writer);
 // A message was lost, or may be: `owned` is given out again, and a new base is needed.
 void journal_break(struct journal_writer *writer);
 
+// The session is about to go on elsewhere: the next state that is kept makes a base, if there is
+// anything to run again behind the last one.
+void journal_refresh(struct journal_writer *writer);
 // Path of the trace whose state the next base needs; NULL: none is needed. now_ns: monotonic.
 const char *journal_wants_state(const struct journal_writer *writer, int64_t now_ns);
 // The same of one that is newer than the last base; NULL: there is none.
@@ -61,6 +68,8 @@ bool journal_owns(const struct journal_writer *writer);
 bool journal_is_empty(const struct journal_writer *writer);
 // Whether a base and all that came behind it was given out.
 bool journal_is_whole(const struct journal_writer *writer);
+// Whether no journal_refresh waits for its state.
+bool journal_is_fresh(const struct journal_writer *writer);
 
 // ---- reading
 

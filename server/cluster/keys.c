@@ -48,6 +48,7 @@ void key_server_text(const struct server_value *value, char out[KEY_VALUE_SIZE])
     json_t *object = json_object();
     json_object_set_new(object, "stations", text_of(value->stations));
     json_object_set_new(object, "pages", text_of(value->pages));
+    json_object_set_new(object, "secret", text_of(value->secret));
     print(object, value->life, value->write, out);
 }
 
@@ -77,6 +78,8 @@ bool key_server_value(const char *text, size_t size, struct server_value *out) {
     bool is_one = numbers(object, &out->life, &out->write) &&
                   copy(object, "stations", out->stations, sizeof out->stations) &&
                   copy(object, "pages", out->pages, sizeof out->pages);
+    if (!copy(object, "secret", out->secret, sizeof out->secret))
+        out->secret[0] = '\0'; // of an earlier program
     json_decref(object);
     return is_one;
 }

@@ -11,9 +11,9 @@
 // Of this server's own key it is the members of struct ownership that tell.
 struct known_server {
     char name[SERVER_NAME_SIZE];
-    struct server_value value;
     uint64_t revision;
     int64_t seen_ns;
+    struct server_value value;
 };
 
 // One write is under way at most, of each key.
@@ -23,13 +23,12 @@ struct pending {
 };
 
 struct own_station {
-    struct station_value value;
-    uint64_t revision, token;
     enum station_owner owner;
-    struct pending pending;
-    struct station_value written; // by it
     bool releases;
     int64_t wanted_ns; // when it was last asked for; 0: it is not
+    uint64_t revision, token;
+    struct pending pending;
+    struct station_value value, written; // written: by what is pending
 };
 
 struct ownership {
@@ -39,26 +38,27 @@ struct ownership {
     uint64_t revision;         // of the own key, as known
     struct pending pending;
     bool is_in, leaves, has_left;
-    int64_t renewed_ns, begun_ns; // the send time of the last answered write; when this began
+    int64_t renewed_ns; // the send time of the last answered write
     uint64_t life_before;
     int64_t namesake_ns; // when a living namesake was last seen; 0: never
     uint64_t ids, writes;
     struct known_server *servers;
     struct pending *deposals; // by server
     int server_count;
+    int *slots;          // a hash table of the servers' names: index + 1, or 0
+    uint32_t slot_count; // a power of two, at least twice as many as servers
     int station_count;
     struct own_station *stations;
 };
 
 struct ownership *ownership_create(const char *server, const struct server_value *value,
                                    uint64_t life_before, int station_count,
-                                   const struct ownership_handler *handler, int64_t now_ns) {
+                                   const struct ownership_handler *handler) {
     struct ownership *o = alloc(1, sizeof *o);
     o->handler = *handler;
     o->value = *value;
     o->value.life = handler->new_life(handler->user);
     o->life_before = life_before;
-    o->begun_ns = now_ns;
     o->station_count = station_count;
     o->stations = alloc((size_t)station_count, sizeof *o->stations);
     snprintf(o->name, sizeof o->name, "%s", server);
@@ -71,9 +71,51 @@ void ownership_destroy(struct ownership **ownership) {
         return;
     free(o->servers);
     free(o->deposals);
+    free(o->slots);
     free(o->stations);
     free(o);
     *ownership = NULL;
+}
+
+// ---- servers by name ----------------------------------------------------------------------------
+
+// The slot of the name, or the free one where it belongs.
+static int *slot_of(const struct ownership *o, const char *name) {
+    uint32_t hash = 2166136261; // FNV-1a
+    for (const char *c = name; *c; c++)
+        hash = (hash ^ (uint8_t)*c) * 16777619;
+    uint32_t at = hash;
+    while (o->slots[at % o->slot_count] &&
+           strcmp(o->servers[o->slots[at % o->slot_count] - 1].name, name) != 0)
+        at++;
+    return &o->slots[at % o->slot_count];
+}
+
+static struct known_server *find_server(const struct ownership *o, const char *name) {
+    int slot = o->slot_count ? *slot_of(o, name) : 0;
+    return slot ? &o->servers[slot - 1] : NULL;
+}
+
+static void make_slots(struct ownership *o) {
+    free(o->slots);
+    o->slot_count = o->slot_count ? 2 * o->slot_count : 16;
+    o->slots = alloc(o->slot_count, sizeof *o->slots);
+    for (int i = 0; i < o->server_count; i++)
+        *slot_of(o, o->servers[i].name) = i + 1;
+}
+
+static struct known_server *add_server(struct ownership *o, const char *name) {
+    int index = o->server_count++;
+    o->servers = alloc_resize(o->servers, (size_t)o->server_count, sizeof *o->servers);
+    o->deposals = alloc_resize(o->deposals, (size_t)o->server_count, sizeof *o->deposals);
+    o->servers[index] = (struct known_server){0};
+    o->deposals[index] = (struct pending){0};
+    snprintf(o->servers[index].name, sizeof o->servers[index].name, "%s", name);
+    if (2 * (uint32_t)o->server_count > o->slot_count)
+        make_slots(o);
+    else
+        *slot_of(o, name) = index + 1;
+    return &o->servers[index];
 }
 
 // ---- writing ------------------------------------------------------------------------------------
@@ -126,13 +168,6 @@ static void set_owner(struct ownership *o, int station, enum station_owner owner
     o->handler.changed(o->handler.user, station, owner);
 }
 
-static const struct known_server *find_server(const struct ownership *o, const char *name) {
-    for (int i = 0; i < o->server_count; i++)
-        if (!strcmp(o->servers[i].name, name))
-            return &o->servers[i];
-    return NULL;
-}
-
 static bool names_self(const struct ownership *o, const struct own_station *s) {
     return !strcmp(s->value.server, o->name) && s->value.life == o->value.life;
 }
@@ -149,27 +184,26 @@ static enum station_owner named_owner(const struct ownership *o, const struct ow
     return serves ? OWNER_ELSEWHERE : OWNER_NONE;
 }
 
-// A server whose key was never seen may live all the same until all keys were surely seen.
-static bool is_free(const struct ownership *o, const struct own_station *s, int64_t now_ns) {
+// Where the server's key is older than the station's, what the server has written since is not
+// seen yet: it may have begun another life, in which it took the station.
+static bool is_free(const struct ownership *o, const struct own_station *s) {
     if (!s->value.server[0] || !strcmp(s->value.server, o->name))
         return true;
     const struct known_server *server = find_server(o, s->value.server);
-    if (!server)
-        return now_ns - o->begun_ns >= LEASE_DEAD_NS;
-    return server->value.life != s->value.life;
+    return server->value.life != s->value.life && server->revision > s->revision;
 }
 
 static void take(struct ownership *o, int station, int64_t now_ns) {
     struct own_station *s = &o->stations[station];
     if (!ownership_is_valid(o, now_ns) || o->leaves || is_under_way(&s->pending, now_ns))
         return;
-    if (is_free(o, s, now_ns)) {
+    if (is_free(o, s)) {
         write_station(o, station, o->name, now_ns);
         return;
     }
     const struct known_server *server = find_server(o, s->value.server);
-    int index = server ? (int)(server - o->servers) : -1;
-    if (server && !lives(server, now_ns) && !is_under_way(&o->deposals[index], now_ns))
+    int index = (int)(server - o->servers);
+    if (!lives(server, now_ns) && !is_under_way(&o->deposals[index], now_ns))
         depose(o, index, now_ns);
 }
 
@@ -207,6 +241,13 @@ static void own(struct ownership *o, int station, uint64_t revision) {
     set_owner(o, station, OWNER_SELF);
 }
 
+// A server whose key was not seen yet may live all the same.
+static void suppose_server(struct ownership *o, const struct station_value *value, int64_t now_ns) {
+    struct known_server *server = add_server(o, value->server);
+    server->value.life = value->life;
+    server->seen_ns = now_ns;
+}
+
 void ownership_saw_station(struct ownership *o, int station, const struct station_value *value,
                            uint64_t revision, int64_t now_ns) {
     struct own_station *s = &o->stations[station];
@@ -214,6 +255,8 @@ void ownership_saw_station(struct ownership *o, int station, const struct statio
         return;
     s->revision = revision;
     s->value = *value;
+    if (value->server[0] && strcmp(value->server, o->name) != 0 && !find_server(o, value->server))
+        suppose_server(o, value, now_ns);
     s->releases = names_self(o, s) && s->owner == OWNER_NONE; // of a late take, too
     if (names_self(o, s) && !s->releases)
         own(o, station, revision);
@@ -264,28 +307,20 @@ static void saw_own_key(struct ownership *o, const struct server_value *value, u
         begin_anew(o);
 }
 
-static int add_server(struct ownership *o, const char *name) {
-    int index = o->server_count++;
-    o->servers = alloc_resize(o->servers, (size_t)o->server_count, sizeof *o->servers);
-    o->deposals = alloc_resize(o->deposals, (size_t)o->server_count, sizeof *o->deposals);
-    o->servers[index] = (struct known_server){0};
-    o->deposals[index] = (struct pending){0};
-    snprintf(o->servers[index].name, sizeof o->servers[index].name, "%s", name);
-    return index;
-}
-
 void ownership_saw_server(struct ownership *o, const char *name, const struct server_value *value,
                           uint64_t revision, int64_t now_ns) {
     if (!strcmp(name, o->name)) {
         saw_own_key(o, value, revision, now_ns);
         return;
     }
-    const struct known_server *known = find_server(o, name);
-    int index = known ? (int)(known - o->servers) : add_server(o, name);
-    struct known_server *server = &o->servers[index];
+    struct known_server *server = find_server(o, name);
+    if (!server)
+        server = add_server(o, name);
     if (revision <= server->revision)
         return;
-    server->value = *value;
+    if (server->value.life != value->life || !server->revision)
+        server->value = *value;
+    server->value.write = value->write; // in one life nothing else changes
     server->revision = revision;
     server->seen_ns = now_ns;
 }
@@ -375,10 +410,39 @@ const char *ownership_address(const struct ownership *o, int station) {
 const char *ownership_other(const struct ownership *o, int which, int64_t now_ns) {
     for (int i = 0; i < o->server_count; i++) {
         const struct known_server *server = &o->servers[(which + i) % o->server_count];
-        if (lives(server, now_ns))
+        if (lives(server, now_ns) && server->revision)
             return server->value.stations;
     }
     return NULL;
+}
+
+// While this server gets no answers to its own renewals, it counts no other as dead.
+static bool counts_as_living(const struct ownership *o, const struct known_server *server,
+                             int64_t now_ns) {
+    bool hears = now_ns - o->renewed_ns < LEASE_RENEW_NS + LEASE_ANSWER_NS;
+    return server->value.life && (lives(server, now_ns) || !hears);
+}
+
+bool ownership_peer(const struct ownership *o, int number, int64_t now_ns,
+                    struct cluster_peer *out) {
+    if (number >= o->server_count)
+        return false;
+    const struct known_server *server = &o->servers[number];
+    *out = (struct cluster_peer){.lives = counts_as_living(o, server, now_ns)};
+    memcpy(out->name, server->name, sizeof out->name);
+    memcpy(out->pages, server->value.pages, sizeof out->pages);
+    memcpy(out->secret, server->value.secret, sizeof out->secret);
+    return true;
+}
+
+int ownership_served_by(const struct ownership *o, int station, int64_t now_ns) {
+    const struct own_station *s = &o->stations[station];
+    const struct known_server *server = find_server(o, s->value.server);
+    if (s->owner == OWNER_SELF || s->owner == OWNER_DOUBTFUL)
+        return SERVED_HERE;
+    bool serves =
+        server && server->value.life == s->value.life && counts_as_living(o, server, now_ns);
+    return serves ? (int)(server - o->servers) : SERVED_NOWHERE;
 }
 
 enum station_owner ownership_of(const struct ownership *o, int station) {

@@ -6,7 +6,8 @@
 //
 // A server's key says that the server lives: it writes its key anew every LEASE_RENEW_NS. It serves
 // until LEASE_VALID_NS after it sent the last write that was answered. Others count it as dead once
-// they have seen no write of it for LEASE_DEAD_NS. Who wants a station of a dead server first
+// they have seen no write of it for LEASE_DEAD_NS, and also where they have seen none at all for so
+// long since a station's key named it. Who wants a station of a dead server first
 // deposes that server: it replaces the key. From then on the dead one cannot renew: should it come
 // back, it begins a new life, and owns only what it takes again.
 //
@@ -27,12 +28,14 @@
 
 #define SERVER_NAME_SIZE 64
 #define SERVER_ADDRESS_SIZE 128
+#define SERVER_SECRET_SIZE 65
 
 struct server_value {
     uint64_t life;                      // random; 0: deposed
     uint64_t write;                     // number of this write in that life
     char stations[SERVER_ADDRESS_SIZE]; // where stations reach it, HOST:PORT
     char pages[SERVER_ADDRESS_SIZE];    // where browsers and other servers do
+    char secret[SERVER_SECRET_SIZE];    // by which another server proves itself to it; or empty
 };
 
 struct station_value {
@@ -75,11 +78,19 @@ struct ownership_handler {
 
 struct ownership;
 
+// Another server, as its key tells of it.
+struct cluster_peer {
+    char name[SERVER_NAME_SIZE];
+    char pages[SERVER_ADDRESS_SIZE], secret[SERVER_SECRET_SIZE];
+    bool lives;
+    int stations; // that it serves, where somebody counted them
+};
+
 // Handlers are called from within the calls below. `value`: of this server, but for life and write.
 // life_before: of the process that had this server's folders last, which has surely ended; or 0.
 struct ownership *ownership_create(const char *server, const struct server_value *value,
                                    uint64_t life_before, int station_count,
-                                   const struct ownership_handler *handler, int64_t now_ns);
+                                   const struct ownership_handler *handler);
 void ownership_destroy(struct ownership **ownership); // NULL inside is fine
 
 // ---- what was seen and answered. Revisions may come late and twice. `name`: of the key.
@@ -113,6 +124,14 @@ const char *ownership_address(const struct ownership *o, int station);
 // The same of another server that lives; which: any number, which spreads what is asked for. NULL:
 // there is none.
 const char *ownership_other(const struct ownership *o, int which, int64_t now_ns);
+// The other servers that were ever seen, by numbers from 0. While this one gets no answers to its
+// own renewals, it counts no other as dead. False: there are no more.
+bool ownership_peer(const struct ownership *o, int number, int64_t now_ns,
+                    struct cluster_peer *out_peer);
+// The number of the one that serves the station and lives, or one of these.
+#define SERVED_NOWHERE -1
+#define SERVED_HERE -2
+int ownership_served_by(const struct ownership *o, int station, int64_t now_ns);
 uint64_t ownership_token(const struct ownership *o, int station); // of OWNER_SELF, else 0
 // Whether this server may serve: its life is confirmed, and recently.
 bool ownership_is_valid(const struct ownership *o, int64_t now_ns);

@@ -2,12 +2,14 @@
 // kept once, and what happens when it ends and comes back.
 #include "cluster/jet.h"
 
+#include "cluster/keys.h"
 #include "folder.h"
 #include "test.h"
 
 #include <arpa/inet.h>
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,6 +20,7 @@
 #define PATIENCE_S 30
 #define ANSWERS_MAX 1024
 #define SEEN_MAX 64
+#define FOLLOWERS 200
 
 static char folder[FOLDER_MAX];
 static int port;
@@ -219,7 +222,7 @@ static void a_message_is_kept_once_and_read_in_order_until_it_is_purged(void **s
                                       "record",
                                       bytes,
                                       i ? 10 * numbers[i] : sizeof bytes};
-        jet_publish(jet, ++ids, &message);
+        jet_send(jet, ++ids, jet_pack(&message));
         assert_true(wait_for(is_answered, ids));
         assert_int_equal(heard.answers[ids].answer, WRITE_DONE);
         last = heard.answers[ids].revision;
@@ -243,6 +246,100 @@ static void a_message_is_kept_once_and_read_in_order_until_it_is_purged(void **s
     assert_int_equal(jet_read(jet, JET_JOURNAL "room-2", 0, take, &read, &err), RESULT_MISSING);
 }
 
+static void a_subject_is_followed_and_erased(void **state) {
+    struct jet *jet = *state;
+    struct jet_follower *follower;
+    struct jet_message message = {
+        .subject = JET_RECORDS "x", .token = 3, .kind = "change", .data = "abc", .size = 3};
+    char value[16];
+    uint64_t sequence = 0, revision, at;
+    while (jet_read_key(jet, "records", value, sizeof value, &revision, &err) == RESULT_TIMEOUT)
+        usleep(100000); // until all streams are there
+    assert_ok(jet_last_of_records(jet, &sequence, &err));
+    assert_int_equal(sequence, 0);
+    message.number = 1;
+    assert_ok(jet_publish_now(jet, &message, &sequence, &err));
+    assert_ok(jet_follow(jet, message.subject, 2, &follower, &err));
+    for (message.number = 2; message.number <= 3; message.number++)
+        assert_ok(jet_publish_now(jet, &message, &sequence, &err));
+    assert_int_equal(sequence, 3);
+    for (uint64_t number = 2; number <= 3; number++) {
+        assert_ok(jet_follow_next(follower, PATIENCE_S * 1000, &message, &at, &err));
+        assert_true(message.number == number && at == number && message.token == 3);
+        assert_memory_equal(message.data, "abc", 3);
+    }
+    assert_int_equal(jet_follow_next(follower, 10, &message, &at, &err), RESULT_MISSING);
+    jet_follow_end(&follower);
+    assert_ok(jet_erase(jet, JET_RECORDS "x", 3, &err));
+    assert_ok(jet_follow(jet, JET_RECORDS "x", 1, &follower, &err));
+    assert_ok(jet_follow_next(follower, PATIENCE_S * 1000, &message, &at, &err));
+    assert_int_equal(at, 3);
+    jet_follow_end(&follower);
+}
+
+struct babble {
+    struct jet *jet;
+    atomic_bool ends;
+};
+
+static void *publish_until_end(void *argument) {
+    static const char data[1 << 10];
+    struct babble *babble = argument;
+    struct jet_message message = {.subject = JET_RECORDS "y",
+                                  .token = 1,
+                                  .kind = "change",
+                                  .data = data,
+                                  .size = sizeof data};
+    uint64_t sequence;
+    while (!atomic_load(&babble->ends)) {
+        message.number++;
+        jet_publish_now(babble->jet, &message, &sequence, NULL);
+    }
+    return NULL;
+}
+
+// The library's reading thread may be about to deliver to a subscription that ends.
+static void a_follower_ends_while_messages_come(void **state) {
+    struct jet *jet = *state;
+    struct babble babble = {.jet = jet};
+    pthread_t threads[4];
+    char value[16];
+    uint64_t revision;
+    while (jet_read_key(jet, "records", value, sizeof value, &revision, &err) == RESULT_TIMEOUT)
+        usleep(100000); // until all streams are there
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(pthread_create(&threads[i], NULL, publish_until_end, &babble), 0);
+    for (int i = 0; i < FOLLOWERS; i++) {
+        struct jet_follower *follower;
+        struct jet_message message;
+        uint64_t at;
+        assert_ok(jet_follow(jet, JET_RECORDS "y", 1, &follower, &err));
+        assert_ok(jet_follow_next(follower, PATIENCE_S * 1000, &message, &at, &err));
+        assert_int_equal(at, 1);
+        jet_follow_end(&follower);
+    }
+    atomic_store(&babble.ends, true);
+    for (int i = 0; i < 4; i++)
+        pthread_join(threads[i], NULL);
+}
+
+static void a_key_is_replaced_by_the_first_of_two(void **state) {
+    struct jet *jet = *state;
+    char value[16];
+    uint64_t first = 0, second;
+    while (jet_read_key(jet, "records", value, sizeof value, &first, &err) == RESULT_TIMEOUT)
+        usleep(100000); // until NATS is there
+    assert_ok(jet_replace_key(jet, "records", 0, "one", &err));
+    assert_int_equal(jet_replace_key(jet, "records", 0, "two", &err), RESULT_REFUSED);
+    assert_ok(jet_read_key(jet, "records", value, sizeof value, &first, &err));
+    assert_string_equal(value, "one");
+    assert_ok(jet_replace_key(jet, "records", first, "three", &err));
+    assert_int_equal(jet_replace_key(jet, "records", first, "four", &err), RESULT_REFUSED);
+    assert_ok(jet_read_key(jet, "records", value, sizeof value, &second, &err));
+    assert_string_equal(value, "three");
+    assert_int_equal(jet_read_key(jet, "records", value, 5, &second, &err), RESULT_LIMIT);
+}
+
 static void what_cannot_be_sent_is_unknown_and_all_goes_on_when_nats_is_back(void **state) {
     struct jet *jet = *state;
     uint64_t ids = 0;
@@ -261,6 +358,32 @@ static void what_cannot_be_sent_is_unknown_and_all_goes_on_when_nats_is_back(voi
     assert_true(wait_for(is_seen, second));
 }
 
+static int looked;
+
+static void take_key(void *user, const char *key, const char *value, size_t size) {
+    (void)user;
+    const char *expected = strcmp(key, "server.a") ? "{\"b\":2}" : "{\"a\":3}";
+    assert_int_equal(size, strlen(expected));
+    assert_memory_equal(value, expected, size);
+    looked++;
+}
+
+static void a_look_shows_each_key_once_and_says_that_nats_is_away(void **state) {
+    struct jet *jet = *state;
+    uint64_t ids = 0;
+    struct jet_settings settings = {.name = "look", .server_count = 1, .replicas = 1};
+    snprintf(settings.servers[0], sizeof settings.servers[0], "nats://127.0.0.1:%d", port);
+    uint64_t first = write_key(jet, &ids, "server.a", 0, "{\"a\":1}", WRITE_DONE);
+    write_key(jet, &ids, "server.a", first, "{\"a\":3}", WRITE_DONE);
+    write_key(jet, &ids, "server.b", 0, "{\"b\":2}", WRITE_DONE);
+    assert_ok(jet_look(&settings, take_key, NULL, &err));
+    assert_int_equal(looked, 2);
+    end_nats();
+    assert_int_not_equal(jet_look(&settings, take_key, NULL, &err), RESULT_OK);
+    assert_non_null(strstr(err.text, "NATS"));
+    start_nats();
+}
+
 static void a_name_is_a_token_and_back(void **state) {
     (void)state;
     static const char *const names[] = {"room-1", "a.b", "Raum 3*>", "x=y", "_"};
@@ -276,6 +399,27 @@ static void a_name_is_a_token_and_back(void **state) {
     assert_false(jet_name("a=G", name));
 }
 
+static void a_servers_key_is_read_as_it_was_written_and_without_a_secret(void **state) {
+    (void)state;
+    char text[KEY_VALUE_SIZE];
+    const char *old = "{\"stations\":\"b:4810\",\"pages\":\"\",\"life\":\"0a\",\"write\":3}";
+    struct server_value read, b = {.life = UINT64_MAX,
+                                   .write = 5,
+                                   .stations = "b:4810",
+                                   .pages = "b:4880",
+                                   .secret = "1234"};
+    key_server_text(&b, text);
+    assert_true(key_server_value(text, strlen(text), &read));
+    assert_int_equal(read.life, b.life);
+    assert_int_equal(read.write, 5);
+    assert_string_equal(read.pages, "b:4880");
+    assert_string_equal(read.secret, "1234");
+    assert_true(key_server_value(old, strlen(old), &read));
+    assert_int_equal(read.life, 10);
+    assert_string_equal(read.secret, "");
+    assert_false(key_server_value("", 0, &read));
+}
+
 int main(void) {
     if (system("nats-server --version >/dev/null 2>&1") != 0) {
         puts("there is no nats-server");
@@ -285,9 +429,15 @@ int main(void) {
         cmocka_unit_test_setup_teardown(of_two_writers_of_a_revision_one_comes_late, begin, finish),
         cmocka_unit_test_setup_teardown(a_message_is_kept_once_and_read_in_order_until_it_is_purged,
                                         begin, finish),
+        cmocka_unit_test_setup_teardown(a_subject_is_followed_and_erased, begin, finish),
+        cmocka_unit_test_setup_teardown(a_follower_ends_while_messages_come, begin, finish),
+        cmocka_unit_test_setup_teardown(a_key_is_replaced_by_the_first_of_two, begin, finish),
         cmocka_unit_test_setup_teardown(
             what_cannot_be_sent_is_unknown_and_all_goes_on_when_nats_is_back, begin, finish),
+        cmocka_unit_test_setup_teardown(a_look_shows_each_key_once_and_says_that_nats_is_away,
+                                        begin, finish),
         cmocka_unit_test(a_name_is_a_token_and_back),
+        cmocka_unit_test(a_servers_key_is_read_as_it_was_written_and_without_a_secret),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,9 +1,8 @@
 // The journal of a session as messages: whatever is lost, late or of another server, what the
 // reader gives is what the writer had up to a message, and no more.
-#include "cluster/journal.h"
-
 #include "base/chance.h"
 #include "base/check.h"
+#include "cluster/posting.h"
 #include "test.h"
 #include "unit/trace_files.h"
 
@@ -113,6 +112,7 @@ static int remarks, commands;
 static struct journal_writer *owner(uint64_t token) {
     struct journal_writer *writer = journal_writer_create();
     journal_own(writer, token);
+    journal_go_on(writer, token);
     begin(writer);
     return writer;
 }
@@ -206,6 +206,111 @@ static void what_an_older_owner_writes_behind_a_newer_one_is_void(void **state) 
     release(&stream);
 }
 
+// It may have had a session before another one had the station.
+static void an_owner_writes_its_first_word_alone_until_it_knows_what_others_wrote(void **state) {
+    (void)state;
+    struct journal_writer *writer = owner(7);
+    put_base(writer);
+    drain(writer, &stream);
+    int before = stream.count;
+    journal_own(writer, 9);
+    tell_remark(writer, 1);
+    assert_null(journal_wants_state(writer, 1));
+    journal_go_on(writer, 7); // of an earlier read
+    drain(writer, &stream);
+    assert_int_equal(stream.count, before + 1);
+    assert_string_equal(stream.of[before].kind, "owned");
+    assert_true(journal_owns(writer));
+    assert_false(journal_is_whole(writer));
+    journal_go_on(writer, 9);
+    assert_string_equal(journal_wants_state(writer, 1), path);
+    assert_true(journal_put_state(writer, state_bytes, state_size, 1));
+    drain(writer, &stream);
+    assert_ok(read_all(&stream, -1, &session, &remarks, &commands));
+    assert_int_equal(remarks, 1);
+    assert_int_equal(session.token, 9);
+    journal_writer_destroy(&writer);
+    release(&stream);
+}
+
+static void an_end_that_was_perhaps_lost_is_told_again(void **state) {
+    (void)state;
+    struct journal_writer *writer = owner(7);
+    put_base(writer);
+    drain(writer, &stream);
+    int lost = stream.count;
+    journal_end(writer);
+    drain(writer, &stream);
+    journal_break(writer);
+    drain(writer, &stream);
+    assert_ok(read_all(&stream, lost, &session, &remarks, &commands));
+    assert_true(session.has_ended);
+    int ends = stream.count;
+    begin(writer);
+    journal_break(writer);
+    drain(writer, &stream);
+    assert_int_equal(stream.count, ends + 1); // `owned`, and no end of the next session
+    journal_writer_destroy(&writer);
+    release(&stream);
+}
+
+static void a_session_that_moves_has_a_base_of_its_next_state(void **state) {
+    (void)state;
+    struct journal_writer *writer = owner(7);
+    put_base(writer);
+    drain(writer, &stream);
+    journal_refresh(writer);
+    assert_true(journal_is_fresh(writer)); // nothing came behind its base
+    struct trace_record cut = {.type = TRACE_TAKEN, .offset = 2000};
+    cut.output.job = (struct job){.id = 1, .kind = JOB_UNDO};
+    journal_record(writer, &cut);
+    journal_kept(writer);
+    journal_refresh(writer);
+    assert_false(journal_is_fresh(writer));
+    assert_null(journal_wants_state(writer, 2)); // what was kept is older than the wish
+    journal_kept(writer);
+    assert_string_equal(journal_wants_state(writer, 2), path);
+    assert_true(journal_put_state(writer, state_bytes, state_size, 2));
+    assert_true(journal_is_fresh(writer));
+    drain(writer, &stream);
+    assert_ok(read_all(&stream, -1, &session, &remarks, &commands));
+    journal_writer_destroy(&writer);
+    release(&stream);
+}
+
+// Gives out its first word and a base, which are stored from the sequence on.
+static void post_base(struct posting *posting, struct journal_writer *writer, uint64_t sequence) {
+    struct jet_message message;
+    bool begins;
+    journal_break(writer);
+    put_base(writer);
+    while (posting_next(posting, writer, &message, &begins))
+        posting_answered(posting, message.token, begins, WRITE_DONE, sequence++);
+}
+
+static void what_another_owner_may_have_written_is_not_purged(void **state) {
+    (void)state;
+    struct posting posting = {0};
+    struct journal_writer *writer = owner(7);
+    posting_own(&posting, 7);
+    post_base(&posting, writer, 20);
+    assert_int_equal(posting_purges(&posting, false), 0);
+    assert_int_equal(posting_purges(&posting, true), 21);
+    assert_int_equal(posting_purges(&posting, true), 0);
+    post_base(&posting, writer, 30);
+    posting_own(&posting, 0);
+    assert_int_equal(posting_purges(&posting, true), 0);
+    posting_own(&posting, 9); // the base is of 7
+    assert_int_equal(posting_purges(&posting, true), 0);
+    journal_own(writer, 9);
+    journal_go_on(writer, 9);
+    post_base(&posting, writer, 40);
+    atomic_fetch_add(&posting.in_flight, 1);
+    posting_answered(&posting, 7, true, WRITE_DONE, 50); // late
+    assert_int_equal(posting_purges(&posting, true), 41);
+    journal_writer_destroy(&writer);
+}
+
 // Commands before the state's place are in the state, remarks are not.
 static void what_a_state_has_is_not_told_again(void **state) {
     (void)state;
@@ -293,6 +398,10 @@ int main(void) {
         cmocka_unit_test(behind_a_lost_message_nothing_counts),
         cmocka_unit_test(a_new_base_mends_what_was_lost),
         cmocka_unit_test(what_an_older_owner_writes_behind_a_newer_one_is_void),
+        cmocka_unit_test(an_owner_writes_its_first_word_alone_until_it_knows_what_others_wrote),
+        cmocka_unit_test(an_end_that_was_perhaps_lost_is_told_again),
+        cmocka_unit_test(a_session_that_moves_has_a_base_of_its_next_state),
+        cmocka_unit_test(what_another_owner_may_have_written_is_not_purged),
         cmocka_unit_test(what_a_state_has_is_not_told_again),
         cmocka_unit_test(bytes_that_are_damaged_are_refused),
     };

@@ -1,6 +1,6 @@
-// Servers and their lease, simulated: keys that compare revisions, a network that delays and loses,
-// servers that are killed, paused and cut off, and stations that ask from server to server. What
-// happens follows from the seed alone.
+// Servers, their lease and their journals, simulated: keys that compare revisions, streams, a
+// network that delays and loses, servers that are killed, paused and cut off, and stations that ask
+// from server to server and train there. What happens follows from the seed alone.
 #pragma once
 
 #include <stdint.h>
@@ -18,6 +18,10 @@ struct lease_figures {
     uint64_t double_owners;  // times at which two servers could serve a station
     uint64_t sinking_tokens; // owners whose token was not above that of the owner before
     uint64_t takes, deposals, lives_lost, writes;
+    uint64_t restored; // sessions that went on at another server
+    // Of these: they lacked what the server before could rely on; they had ended, and were known to
+    // have; what was read of them was no session.
+    uint64_t lost, risen, torn;
     int unserved;         // stations without an owner at the end
     double longest_gap_s; // in which a station asked and nobody served it, while nothing was wrong
 };

@@ -5,6 +5,7 @@
 
 #include "base/result.h"
 #include "case/case.h"
+#include "cluster/ownership.h"
 #include "task/task.h"
 #include "web/web.h"
 #include "wire/wire.h"
@@ -12,6 +13,8 @@
 #include <stdio.h>
 
 struct store;
+
+#define API_WHY_MAX 80
 
 // knee: as the server has loaded it; NULL: the case is read here. refusal: why the server could not
 // load it, so that `knee` is another; empty or NULL: it could.
@@ -31,6 +34,17 @@ struct api_station {
 struct api_report {
     const char *trace, *records, *course;
     bool hide_few;
+};
+
+// Of several servers. From any thread.
+struct api_cluster {
+    void *user;
+    // This server, and the others that are known, as cluster_peers.
+    void (*self)(void *user, struct cluster_peer *out_peer);
+    int (*peers)(void *user, struct cluster_peer *out_peers, int room);
+    // The name of another server that serves the station with this index and lives; else empty.
+    void (*server_of)(void *user, int station, char out_name[SERVER_NAME_SIZE]);
+    const char *folder; // for files of other servers while they are passed on
 };
 
 // Everything in it must outlive the api.
@@ -61,6 +75,14 @@ struct api_config {
     // thread at a time.
     enum result (*rehearse)(void *user, int task, int knee_case, uint8_t **out_batch,
                             size_t *out_size, struct error *err);
+    const struct api_cluster *cluster; // NULL: this server is alone
+    // What monitors ask for, of watch_user. From any thread. Figures as OpenMetrics, or as
+    // Prometheus' text.
+    void (*write_figures)(void *user, bool openmetrics, FILE *file);
+    // Whether the server lives, or is ready; else one line says why not.
+    bool (*lives)(void *user, char out_why[API_WHY_MAX]);
+    bool (*is_ready)(void *user, char out_why[API_WHY_MAX]);
+    void *watch_user;
 };
 
 struct api;
@@ -69,7 +91,11 @@ struct api;
 // The link works once, while this server runs and has no instructor. Errors are those of the
 // records.
 enum result api_create(const struct api_config *config, struct api **out_api, struct error *err);
+// Ends what waits for other servers, which web_destroy would wait for.
+void api_break_off(struct api *api);
 void api_destroy(struct api **api); // NULL inside is fine
+
+uint64_t api_wrong_sign_ins(const struct api *api); // since the start
 
 // The link's secret; empty if there is an instructor.
 const char *api_first_secret(const struct api *api);

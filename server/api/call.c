@@ -8,9 +8,11 @@
 #include "base/number.h"
 
 #include <ctype.h>
+#include <inttypes.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #define DEPTH_MAX 4
 #define MEMORY_S 10 // until there may be some again
@@ -348,6 +350,23 @@ enum result call_fill(struct api_call *call, call_writer write, void *user, stru
     call->response->body = body;
     call->response->size = size;
     return RESULT_OK;
+}
+
+void call_answer_file(struct api_call *call, const char *dir, const char *name, const char *type) {
+    struct web_response *r = call->response;
+    struct stat status;
+    int length = snprintf(r->file, sizeof r->file, "%s/%s", dir, name);
+    if (length >= (int)sizeof r->file || stat(r->file, &status) || !S_ISREG(status.st_mode)) {
+        r->file[0] = '\0';
+        call_refuse(call, 404, "not_found", NULL, "There is no %s.", name);
+        return;
+    }
+    r->status = 200;
+    r->compress = true;
+    snprintf(r->type, sizeof r->type, "%s", type);
+    snprintf(r->etag, sizeof r->etag, "%" PRIx64 "-%" PRIx64,
+             (uint64_t)status.st_mtim.tv_sec * 1000000000 + (uint64_t)status.st_mtim.tv_nsec,
+             (uint64_t)status.st_size);
 }
 
 // ---- records ------------------------------------------------------------------------------------

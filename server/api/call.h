@@ -12,7 +12,9 @@
 #include <stdatomic.h>
 
 struct case_summaries; // case_summary.h
+struct peer_cases;     // peer_cases.h
 struct rehearsals;     // rehearsals.h
+struct forwards;         // forward.h
 
 #define API_REPORTS_MAX 2         // at a time
 #define API_REPORTS_OF_TRAINEES 1 // of these
@@ -27,7 +29,10 @@ struct api {
     pthread_mutex_t reports_lock;
     char reporting[API_REPORTS_MAX][STORE_NAME_MAX]; // who waits for a report; empty: a free place
     atomic_bool failing; // the log says that accounts cannot be looked up
+    atomic_uint_fast64_t wrong_sign_ins;
     struct case_summaries *summaries;
+    struct peer_cases *peer_cases;
+    struct forwards *forwards; // NULL: this server is alone
     struct rehearsals *rehearsals;
     pthread_mutex_t first_lock;
     char first_secret[65]; // guarded by first_lock; empty: none, or used
@@ -95,6 +100,9 @@ bool call_take_limit(struct api_call *call, const struct call_query *query, int 
 bool call_may_see(struct api_call *call, const char *course);
 // Whether the course that the path names is there; otherwise 404 is answered.
 bool call_find_course(struct api_call *call);
+
+// Answers a file of a case.
+void call_answer_file(struct api_call *call, const char *dir, const char *name, const char *type);
 
 // Answers {key: rows}, or the error of reading them; takes the rows.
 void call_answer_rows(struct api_call *call, const char *key, json_t *rows, enum result result,

@@ -5,7 +5,6 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 void get_cases(struct api_call *call) {
     char hash[17];
@@ -39,24 +38,6 @@ void get_case(struct api_call *call) {
                           "check", check ? check : json_null()));
 }
 
-static void answer_file(struct api_call *call, const char *dir, const char *name,
-                        const char *type) {
-    struct web_response *r = call->response;
-    struct stat status;
-    int length = snprintf(r->file, sizeof r->file, "%s/%s", dir, name);
-    if (length >= (int)sizeof r->file || stat(r->file, &status) || !S_ISREG(status.st_mode)) {
-        r->file[0] = '\0';
-        call_refuse(call, 404, "not_found", NULL, "There is no %s.", name);
-        return;
-    }
-    r->status = 200;
-    r->compress = true;
-    snprintf(r->type, sizeof r->type, "%s", type);
-    snprintf(r->etag, sizeof r->etag, "%" PRIx64 "-%" PRIx64,
-             (uint64_t)status.st_mtim.tv_sec * 1000000000 + (uint64_t)status.st_mtim.tv_nsec,
-             (uint64_t)status.st_size);
-}
-
 // A file of the case; its ETag is the hash of the case.
 static void answer_case_file(struct api_call *call, const char *name, const char *type) {
     char hash[17];
@@ -64,7 +45,7 @@ static void answer_case_file(struct api_call *call, const char *name, const char
     if (index < 0)
         return;
     json_decref(case_summary(call->api->summaries, index, hash));
-    answer_file(call, call->api->config.cases[index].dir, name, type);
+    call_answer_file(call, call->api->config.cases[index].dir, name, type);
     if (hash[0] && call->response->etag[0])
         snprintf(call->response->etag, sizeof call->response->etag, "%s", hash);
 }
@@ -80,5 +61,5 @@ void get_case_anatomy(struct api_call *call) {
 void get_case_check(struct api_call *call) {
     int index = find_case(call);
     if (index >= 0)
-        answer_file(call, call->api->config.cases[index].dir, GRADE_FILE, "application/json");
+        call_answer_file(call, call->api->config.cases[index].dir, GRADE_FILE, "application/json");
 }

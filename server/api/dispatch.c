@@ -1,6 +1,8 @@
 #include "api/api.h"
 #include "api/case_summary.h"
+#include "api/peer_cases.h"
 #include "api/rehearsals.h"
+#include "api/forward.h"
 #include "api/routes.h"
 #include "api/secret.h"
 #include "base/check.h"
@@ -28,6 +30,10 @@ static enum result look_for_instructor(struct api *api, struct error *err) {
     return result;
 }
 
+uint64_t api_wrong_sign_ins(const struct api *api) {
+    return atomic_load(&api->wrong_sign_ins);
+}
+
 const char *api_first_secret(const struct api *api) {
     return api->first_secret;
 }
@@ -39,6 +45,8 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
     api->config = *config;
     api->started_ns = clock_now_ns();
     api->summaries = case_summaries_create(config->cases, config->case_count, config->check_case);
+    api->peer_cases = peer_cases_create(config->cases, config->case_count);
+    api->forwards = config->cluster ? forwards_create(config->keys_dir) : NULL;
     api->rehearsals = rehearsals_create(&api->config, &api->throttle);
     pthread_mutex_init(&api->reports_lock, NULL);
     pthread_mutex_init(&api->throttle.lock, NULL);
@@ -55,10 +63,17 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
     return result;
 }
 
+void api_break_off(struct api *api) {
+    if (api->forwards)
+        forwards_break_off(api->forwards);
+}
+
 void api_destroy(struct api **api) {
     struct api *a = *api;
     if (!a)
         return;
+    forwards_destroy(&a->forwards);
+    peer_cases_destroy(&a->peer_cases);
     case_summaries_destroy(&a->summaries);
     rehearsals_destroy(&a->rehearsals);
     signer_destroy(&a->signer);
@@ -120,6 +135,15 @@ enum result api_enter(void *user, const char *token, struct web_account *out) {
     return RESULT_OK;
 }
 
+static bool is_server(const struct api_call *call) {
+    const struct api_cluster *cluster = call->api->config.cluster;
+    struct cluster_peer self;
+    if (!cluster || !call->request->token)
+        return false;
+    cluster->self(cluster->user, &self);
+    return secret_is(self.secret, call->request->token);
+}
+
 // Whether the principal may use the route; else refuses the request.
 static bool authorize(struct api_call *call, const struct route *route) {
     struct error err = {""};
@@ -131,6 +155,8 @@ static bool authorize(struct api_call *call, const struct route *route) {
         store_set_actor(call->store, call->principal.actor);
         tell_account(&call->principal, &call->response->account);
     }
+    if (route->roles & SERVER && is_server(call))
+        return true;
     if (route->roles & NOBODY || (call->is_signed_in && route->roles & 1 << call->principal.role))
         return true;
     if (call->is_signed_in)
@@ -157,7 +183,9 @@ void api_answer(void *user, const struct web_request *request, struct web_respon
                     request->method);
     else if (!route)
         call_refuse(&call, 404, "not_found", NULL, "There is nothing at this path.");
-    else if (call_open_store(&call) && authorize(&call, route))
+    else if (route->roles & ALWAYS)
+        route->answer(&call);
+    else if (call_open_store(&call) && authorize(&call, route) && !forward_takes(&call, route))
         route->answer(&call);
     call_close_store(&call);
     json_decref(call.body);

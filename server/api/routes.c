@@ -5,6 +5,7 @@
 #define STAFF (INSTRUCTOR | TECHNICIAN)
 #define REVIEW (INSTRUCTOR | TRAINEE)
 #define SLOW true
+#define QUICK false
 
 // clang-format off
 const struct route routes[] = {
@@ -38,21 +39,25 @@ const struct route routes[] = {
     {"POST",   "/courses/*/trainees",     INSTRUCTOR, post_course_trainees},
     {"DELETE", "/courses/*/trainees/*",   INSTRUCTOR, delete_course_trainee},
     {"GET",    "/server",                 SIGNED_IN,  get_server},
+    {"GET",    "/servers",                STAFF,      get_servers},
     {"GET",    "/stations",               STAFF,      get_stations},
     {"POST",   "/stations/*/code",        STAFF,      post_station_code},
     {"POST",   "/stations/*/revoke",      STAFF,      post_station_revoke},
-    {"POST",   "/stations/*/attempt",     REVIEW,     post_station_attempt},
-    {"DELETE", "/stations/*/attempt",     REVIEW,     delete_station_attempt},
+    {"POST",   "/stations/*/attempt",     REVIEW,     post_station_attempt, QUICK, AT_STATION},
+    {"DELETE", "/stations/*/attempt",     REVIEW,     delete_station_attempt, QUICK, AT_STATION},
     {"GET",    "/cases",                  SIGNED_IN,  get_cases},
     {"GET",    "/cases/*",                SIGNED_IN,  get_case},
     {"GET",    "/cases/*/case.json",      SIGNED_IN,  get_case_manifest},
     {"GET",    "/cases/*/anatomy.glb",    SIGNED_IN,  get_case_anatomy},
     {"GET",    "/cases/*/check.json",     SIGNED_IN,  get_case_check},
+    {"GET",    "/peer/cases",             SERVER,     get_peer_cases, SLOW},
+    {"GET",    "/peer/cases/*",           SERVER,     get_peer_case_file},
+    {"POST",   "/peer/revocations",       SERVER,     post_peer_revocations},
     {"GET",    "/sessions",               REVIEW,     get_sessions},
     {"GET",    "/sessions/*",             REVIEW,     get_session},
-    {"DELETE", "/sessions/*",             INSTRUCTOR, delete_session},
-    {"GET",    "/sessions/*/trace",       REVIEW,     get_session_trace},
-    {"GET",    "/sessions/*/report",      REVIEW,     get_session_report, SLOW},
+    {"DELETE", "/sessions/*",             INSTRUCTOR, delete_session, QUICK, AT_TRACE},
+    {"GET",    "/sessions/*/trace",       REVIEW,     get_session_trace, QUICK, AT_TRACE},
+    {"GET",    "/sessions/*/report",      REVIEW,     get_session_report, SLOW, AT_TRACE},
     {"GET",    "/distributions",          REVIEW,     get_distributions},
     {"GET",    "/audit",                  STAFF,      get_audit},
     {"GET",    "/tasks",                  SIGNED_IN,  get_tasks},
@@ -80,6 +85,9 @@ const struct route routes[] = {
     {"POST",   "/exams/*/begin",          INSTRUCTOR, post_exam_begin},
     {"POST",   "/exams/*/interventions",  INSTRUCTOR, post_intervention},
     {"POST",   "/exams/*/release",        INSTRUCTOR, post_exam_release},
+    {"GET",    "/metrics",                STAFF,      get_metrics},
+    {"GET",    "/healthz",                ALWAYS,     get_healthz},
+    {"GET",    "/readyz",                 ALWAYS,     get_readyz},
 };
 // clang-format on
 

@@ -11,16 +11,26 @@ enum {
     INSTRUCTOR = 1 << ROLE_INSTRUCTOR,
     TRAINEE = 1 << ROLE_TRAINEE, // the answer must contain only the trainee's own data
     NOBODY = 1 << ROLE_COUNT,
+    SERVER = 1 << (ROLE_COUNT + 1), // another one, by this one's secret
+    ALWAYS = 1 << (ROLE_COUNT + 2), // anybody, also while the records cannot be read
     SIGNED_IN = TECHNICIAN | INSTRUCTOR | TRAINEE,
     ANYONE = SIGNED_IN | NOBODY
+};
+
+// Which of several servers answers.
+enum route_place {
+    HERE,       // the one that is asked
+    AT_STATION, // the one that serves the station of the path
+    AT_TRACE    // the one that has the trace of the session of the path
 };
 
 struct route {
     const char *method;
     const char *path; // behind API_PREFIX; * is one part of any name
     int roles;
-    void (*answer)(struct api_call *call); // with the store open
+    void (*answer)(struct api_call *call); // with the store open, except of ALWAYS
     bool slow;                             // it encodes a password, makes a report, or rehearses
+    enum route_place place;
 };
 
 extern const struct route routes[];
@@ -66,7 +76,12 @@ void post_course_trainees(struct api_call *call);
 void delete_course_trainee(struct api_call *call);
 
 void get_server(struct api_call *call);
+void get_servers(struct api_call *call); // servers.c
+void get_metrics(struct api_call *call); // watch.c
+void get_healthz(struct api_call *call);
+void get_readyz(struct api_call *call);
 void get_stations(struct api_call *call);
+void post_peer_revocations(struct api_call *call); // revoke.c
 void post_station_code(struct api_call *call);
 void post_station_revoke(struct api_call *call);
 void post_station_attempt(struct api_call *call);
@@ -76,6 +91,9 @@ void get_case(struct api_call *call);
 void get_case_manifest(struct api_call *call);
 void get_case_anatomy(struct api_call *call);
 void get_case_check(struct api_call *call);
+
+void get_peer_cases(struct api_call *call); // peer_cases.c
+void get_peer_case_file(struct api_call *call);
 
 void get_sessions(struct api_call *call);
 void get_session(struct api_call *call);

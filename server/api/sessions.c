@@ -1,6 +1,8 @@
 #include "api/attempts.h"
+#include "api/forward.h"
 #include "api/routes.h"
 #include "base/check.h"
+#include "records/retention.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -128,6 +130,42 @@ static json_t *find_session(struct api_call *call) {
     return NULL;
 }
 
+static void copy_text(const json_t *row, const char *key, char *out, size_t size) {
+    const char *text = json_string_value(json_object_get(row, key));
+    snprintf(out, size, "%s", text ? text : "");
+}
+
+// The part of the session with this number; NULL: there is none. 0: its last one, which the session's
+// row tells of.
+static json_t *find_part(struct api_call *call, json_t *session, int64_t number) {
+    if (!number || number == json_integer_value(json_object_get(session, "part")))
+        return json_incref(session);
+    json_t *parts = json_array(), *part, *found = NULL;
+    size_t i;
+    store_rows(call->store, LIST_PARTS, call->args[0], call_take_row, parts, NULL);
+    json_array_foreach(parts, i, part) {
+        if (json_integer_value(json_object_get(part, "number")) == number)
+            found = json_incref(part);
+    }
+    json_decref(parts);
+    return found;
+}
+
+void session_server(struct api_call *call, char out_name[STORE_NAME_MAX]) {
+    static const char part[] = "part=";
+    const char *query = call->request->query;
+    bool has_part = !strncmp(query, part, sizeof part - 1);
+    json_t *rows = json_array(), *found = NULL;
+    if (is_id(call->args[0]))
+        store_rows(call->store, LIST_SESSIONS, call->args[0], call_take_row, rows, NULL);
+    json_t *row = json_array_get(rows, 0);
+    if (row && is_own(call, row))
+        found = find_part(call, row, has_part ? atoi(query + sizeof part - 1) : 0);
+    copy_text(found, "server", out_name, STORE_NAME_MAX);
+    json_decref(found);
+    json_decref(rows);
+}
+
 // Somebody else's session is being read.
 static void note_reading(struct api_call *call, const json_t *row) {
     const char *trainee = json_string_value(json_object_get(row, "trainee"));
@@ -147,6 +185,13 @@ static void take_result(void *array, const struct store_cell *cells, int count) 
     json_decref(details);
 }
 
+static void take_part(void *array, const struct store_cell *cells, int count) {
+    json_t *row = call_row(cells, count);
+    json_object_del(row, "session");
+    json_object_del(row, "trace");
+    json_array_append_new(array, row);
+}
+
 void get_session(struct api_call *call) {
     struct error err = {""};
     json_t *row = find_session(call);
@@ -154,12 +199,15 @@ void get_session(struct api_call *call) {
         return;
     note_reading(call, row);
     json_object_del(row, "trace");
-    json_t *results = json_array();
+    json_t *results = json_array(), *parts = json_array();
     enum result result =
         store_rows(call->store, LIST_RESULTS, call->args[0], take_result, results, &err);
+    if (result == RESULT_OK)
+        result = store_rows(call->store, LIST_PARTS, call->args[0], take_part, parts, &err);
     if (attempt_is_withheld(call, call->args[0]) || attempt_is_blind(call, call->args[0]))
         json_array_clear(results);
-    json_t *all = json_pack("{s:o, s:o}", "session", row, "results", results);
+    json_t *all =
+        json_pack("{s:o, s:o, s:o}", "session", row, "parts", parts, "results", results);
     if (call_check(call, result, &err) && hide_name(call, row))
         call_answer(call, 200, all);
     else
@@ -190,8 +238,8 @@ static bool is_sealed(struct api_call *call) {
     return true;
 }
 
-// The path of its trace; false after a refusal.
-static bool find_trace(struct api_call *call, char out_path[STORE_TEXT_MAX]) {
+// The path of its trace, or of an earlier part (0: the last); false after a refusal.
+static bool find_trace(struct api_call *call, int part, char out_path[STORE_TEXT_MAX]) {
     struct stat status;
     json_t *row = find_session(call);
     if (!row)
@@ -201,25 +249,34 @@ static bool find_trace(struct api_call *call, char out_path[STORE_TEXT_MAX]) {
         return false;
     }
     note_reading(call, row);
-    const char *trace = json_string_value(json_object_get(row, "trace"));
-    snprintf(out_path, STORE_TEXT_MAX, "%s", trace ? trace : "");
+    json_t *found = find_part(call, row, part);
+    copy_text(found, "trace", out_path, STORE_TEXT_MAX);
+    json_decref(found);
     json_decref(row);
-    if (!stat(out_path, &status) && S_ISREG(status.st_mode))
+    if (!stat(out_path, &status) && S_ISREG(status.st_mode)) {
+        retention_asked(out_path);
         return true;
+    }
     call_refuse(call, 404, "not_found", NULL, "The trace of this session no longer exists.");
     return false;
 }
 
 void get_session_trace(struct api_call *call) {
+    struct call_query query = {.names = {"part"}};
     struct web_response *r = call->response;
     char path[STORE_TEXT_MAX];
-    if (!find_trace(call, path))
+    int part;
+    if (!call_take_query(call, &query) || !call_take_limit(call, &query, 0, 10000, 0, &part) ||
+        !find_trace(call, part, path))
         return;
     r->status = 200;
     snprintf(r->file, sizeof r->file, "%s", path);
     snprintf(r->owner, sizeof r->owner, "%s", call->principal.actor);
     snprintf(r->type, sizeof r->type, "application/octet-stream");
-    snprintf(r->download, sizeof r->download, "%.32s.trace", call->args[0]);
+    if (part)
+        snprintf(r->download, sizeof r->download, "%.32s-p%d.trace", call->args[0], part);
+    else
+        snprintf(r->download, sizeof r->download, "%.32s.trace", call->args[0]);
 }
 
 // ---- distributions ------------------------------------------------------------------------------
@@ -386,7 +443,7 @@ void get_session_report(struct api_call *call) {
     struct call_query query = {.names = {"course"}};
     char path[STORE_TEXT_MAX], first[STORE_NAME_MAX];
     struct api_report about = {.trace = path, .hide_few = is_trainee(call)};
-    if (!find_trace(call, path) || !choose_course(call, &query, &about, first))
+    if (!find_trace(call, 0, path) || !choose_course(call, &query, &about, first))
         return;
     call_close_store(call);
     char *place = take_place(call);

@@ -1,4 +1,5 @@
 #include "api/attempts.h"
+#include "api/revoke.h"
 #include "api/routes.h"
 #include "base/attempt_words.h"
 #include "base/check.h"
@@ -111,16 +112,20 @@ void post_station_code(struct api_call *call) {
 }
 
 void post_station_revoke(struct api_call *call) {
+    char serials[AUTHORITY_SERIALS_SIZE] = "";
     struct error err = {""};
     const char *station = find_station(call);
     if (!station || !note(call, "revoke", station))
         return;
-    enum result result = authority_revoke(call->api->config.keys_dir, station, &err);
+    enum result result = authority_revoke_all(call->api->config.keys_dir, station, serials, &err);
     if (result == RESULT_MISSING)
-        call_refuse(call, 409, "conflict", NULL, "Station %s has never had a certificate.",
-                    station);
-    else if (call_check(call, result, &err))
-        call_done(call);
+        result = RESULT_OK; // another server may have issued one
+    if (!call_check(call, result, &err))
+        return;
+    if (call->api->config.cluster)
+        revoke_elsewhere(call, station, serials);
+    else
+        revoke_answer(call->response, station, serials, "");
 }
 
 // ---- attempts -----------------------------------------------------------------------------------

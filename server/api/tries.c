@@ -100,6 +100,7 @@ void tries_entered(struct api_call *call, const char *actor) {
 void tries_note_wrong(struct api_call *call, const char *action, const char *subject) {
     char text[STORE_TEXT_MAX];
     struct error err;
+    atomic_fetch_add(&call->api->wrong_sign_ins, 1);
     snprintf(text, sizeof text, "%s of %s", action, subject);
     int count = tally_add(&call->api->tally, text, clock_now_ns());
     if (!tally_is_told(count))

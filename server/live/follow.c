@@ -86,6 +86,8 @@ int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now
     for (int i = 0; i < count; i++) {
         int station = (viewer->turn + i) % count;
         struct sent_state *sent = &viewer->sent[station];
+        if (!elsewhere_tells_here(live, viewer, station))
+            continue;
         cache_refresh(live, station, now_ns, viewer->period_ns / 2);
         cache_place(live, station, now_ns);
         if (!put_place(live, viewer, station, sent, batch) ||
@@ -137,6 +139,14 @@ void follow_end(struct viewer *viewer) {
     viewer->station = -1;
     viewer->introduced = viewer->barred = false;
     viewer->turn = 0;
+}
+
+void follow_anew(struct viewer *viewer) {
+    int station = viewer->station;
+    follow_end(viewer);
+    viewer->station = station;
+    viewer->due_ns = 0;
+    viewer->sent[station] = (struct sent_state){0};
 }
 
 static void fill_session(struct live_server *live, const struct viewer *viewer,

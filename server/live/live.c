@@ -106,7 +106,8 @@ static bool has_room(const struct live_server *live, const struct live_account *
                : own < LIVE_VIEWERS_OF_STAFF;
 }
 
-struct viewer *live_server_join(struct live_server *live, const struct live_account *account) {
+struct viewer *live_server_join(struct live_server *live, const struct live_account *account,
+                                const char *token) {
     bool room = has_room(live, account);
     for (int i = 0; room && i < LIVE_VIEWERS_MAX; i++) {
         struct viewer *viewer = &live->viewers[i];
@@ -120,6 +121,7 @@ struct viewer *live_server_join(struct live_server *live, const struct live_acco
                                   .answers = viewer->answers,
                                   .sent = viewer->sent,
                                   .station = -1};
+        elsewhere_init(live, viewer, token);
         store_role_from_name(account->role, &viewer->role);
         return viewer;
     }
@@ -135,6 +137,8 @@ static void look_away(struct viewer *viewer) {
 void live_server_leave(struct live_server *live, struct viewer *viewer) {
     (void)live;
     look_away(viewer);
+    elsewhere_fini(viewer);
+    answers_clear(&viewer->answers_due);
     viewer->used = false;
 }
 
@@ -184,6 +188,7 @@ static void take_watch(struct live_server *live, struct viewer *viewer,
     }
     if (!good)
         viewer->watch.what = arthron_Watch_What_NOTHING;
+    elsewhere_watch(live, viewer);
 }
 
 // Who trains may practise: the sessions see to it that it is an own session.
@@ -208,15 +213,29 @@ static const char *refusal_of(const struct viewer *viewer, const arthron_Command
     return looks ? "that is for instructors and technicians" : "that is for instructors";
 }
 
+// False: too busy.
+static bool ask(struct live_server *live, struct viewer *viewer, const arthron_Command *command) {
+    const char *refusal = refusal_of(viewer, command);
+    bool here = refusal || !elsewhere_answers(live, viewer, command);
+    if (here && !command_runner_add(live, viewer, command, refusal))
+        return false;
+    return elsewhere_ask(live, viewer, here, refusal ? NULL : command);
+}
+
 // Replies come in order: once one command is refused for want of room, those behind it are too,
 // until that was told.
 static void take_command(struct live_server *live, struct viewer *viewer,
                          const arthron_Command *command) {
-    if (viewer->asked < ASKED_MAX && !viewer->refused &&
-        command_runner_add(live, viewer, command, refusal_of(viewer, command)))
-        viewer->asked++;
-    else
+    if (viewer->answers_due.count == ASKED_MAX || viewer->refused || !ask(live, viewer, command))
         viewer->refused++;
+}
+
+static void take_mesh_word(struct live_server *live, struct viewer *viewer,
+                           const arthron_Page *message) {
+    if (elsewhere_is_followed(viewer))
+        elsewhere_say(viewer, message);
+    else
+        follow_meshes(live, viewer, message);
 }
 
 void live_server_take(struct live_server *live, struct viewer *viewer,
@@ -230,7 +249,7 @@ void live_server_take(struct live_server *live, struct viewer *viewer,
         break;
     case arthron_Page_mesh_ask_tag:
     case arthron_Page_mesh_ack_tag:
-        follow_meshes(live, viewer, message);
+        take_mesh_word(live, viewer, message);
         break;
     default:
         break;
@@ -258,21 +277,27 @@ static void tell_trouble(struct live_server *live, struct viewer *viewer,
         viewer->trouble[0] = '\0';
 }
 
-// Each that is left in the ring fits a batch that is empty.
-static void tell_answers(struct viewer *viewer, struct live_batch *batch) {
+static void take_answers(struct viewer *viewer) {
     struct parcel *parcel;
-    while (!batch->full && ring_count(viewer->answers)) {
+    while (ring_pop(viewer->answers, &parcel)) {
+        if (parcel->viewer_number == viewer->number)
+            answers_take(&viewer->answers_due, ANSWER_HERE, parcel);
+        else
+            free(parcel);
+    }
+}
+
+// Each that is left fits a batch that is empty.
+static void tell_answers(struct viewer *viewer, struct live_batch *batch) {
+    while (!batch->full && answers_are_next(&viewer->answers_due)) {
         if (batch->used > batch->size / 8) { // it may be a long one
             batch->full = true;
             return;
         }
-        ring_pop(viewer->answers, &parcel);
-        if (parcel->viewer_number == viewer->number) {
-            if (!batch_put(batch, parcel->bytes, parcel->size))
-                viewer_trouble(viewer, arthron_Trouble_Kind_NOTE, arthron_Why_Code_TOO_LONG, NULL,
-                               "the answer was too long");
-            viewer->asked--;
-        }
+        struct parcel *parcel = answers_next(&viewer->answers_due);
+        if (!batch_put(batch, parcel->bytes, parcel->size))
+            viewer_trouble(viewer, arthron_Trouble_Kind_NOTE, arthron_Why_Code_TOO_LONG, NULL,
+                           "the answer was too long");
         free(parcel);
     }
 }
@@ -283,7 +308,7 @@ static void tell_refusals(struct live_server *live, struct viewer *viewer,
     live->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
     snprintf(live->item.message.command_reply.text, sizeof live->item.message.command_reply.text,
              "%d commands of this page are waiting: send this one again later", ASKED_MAX);
-    while (!viewer->asked && viewer->refused && batch_say(batch, &live->item))
+    while (!viewer->answers_due.count && viewer->refused && batch_say(batch, &live->item))
         viewer->refused--;
 }
 
@@ -304,7 +329,8 @@ static int64_t tell_view(struct live_server *live, struct viewer *viewer, int64_
     case arthron_Watch_What_WALL:
         return follow_wall(live, viewer, now_ns, batch);
     case arthron_Watch_What_STATION:
-        return follow_station(live, viewer, now_ns, batch);
+        return elsewhere_is_followed(viewer) ? INT64_MAX
+                                             : follow_station(live, viewer, now_ns, batch);
     case arthron_Watch_What_RECORDED:
         playback_batch(viewer->playback, batch);
         return now_ns + IDLE_NS;
@@ -313,20 +339,38 @@ static int64_t tell_view(struct live_server *live, struct viewer *viewer, int64_
     }
 }
 
+static int64_t tell_own(struct live_server *live, struct viewer *viewer, int64_t now_ns,
+                        struct live_batch *batch) {
+    int64_t next_ns = INT64_MAX;
+    tell_answers(viewer, batch);
+    tell_refusals(live, viewer, batch);
+    tell_trouble(live, viewer, batch);
+    if (!batch->full)
+        next_ns = tell_view(live, viewer, now_ns, batch);
+    tell_trouble(live, viewer, batch); // that the view has come upon
+    return next_ns;
+}
+
+static int64_t sooner(int64_t a_ns, int64_t b_ns) {
+    return a_ns < b_ns ? a_ns : b_ns;
+}
+
 size_t live_server_batch(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                          uint8_t *out, size_t size, int64_t *out_next_ns) {
     CHECK(size >= LIVE_BATCH_MAX);
     struct live_batch batch = {out, size, 0, false};
     blindness_renew(&live->blindness, live->commands, now_ns);
-    tell_answers(viewer, &batch);
-    tell_refusals(live, viewer, &batch);
-    tell_trouble(live, viewer, &batch);
-    *out_next_ns = now_ns + IDLE_NS;
-    if (!batch.full)
-        *out_next_ns = tell_view(live, viewer, now_ns, &batch);
-    tell_trouble(live, viewer, &batch); // that the view has come upon
+    take_answers(viewer);
+    *out_next_ns = sooner(elsewhere_turn(live, viewer, now_ns), now_ns + IDLE_NS);
+    if (viewer->elsewhere.first)
+        elsewhere_put(viewer, &batch);
+    bool by_others = batch.used;
+    if (!by_others) {
+        *out_next_ns = sooner(*out_next_ns, tell_own(live, viewer, now_ns, &batch));
+        elsewhere_put(viewer, &batch);
+    }
     tell_beat(live, viewer, now_ns, &batch);
-    if (batch.full || viewer->trouble[0])
+    if (batch.full || by_others || viewer->trouble[0])
         *out_next_ns = now_ns;
     return batch.used;
 }
@@ -348,6 +392,8 @@ struct live_server *live_server_create(struct sessions *sessions,
     blindness_init(&live->blindness, live->config.each_blind, live->config.user);
     pthread_rwlock_init(&live->news_lock, NULL);
     live->cache = alloc(station_count(live), sizeof *live->cache);
+    live->servers.served_by = alloc(station_count(live), sizeof *live->servers.served_by);
+    sessions_whose(sessions, live->servers.others, SERVERS_MAX, live->servers.served_by);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
         live->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));
         live->viewers[i].sent = alloc(station_count(live), sizeof *live->viewers[i].sent);
@@ -364,7 +410,7 @@ void live_server_destroy(struct live_server **owned) {
     *owned = NULL;
     if (!live)
         return;
-    live_server_on_news(live, NULL, NULL);
+    live_server_on_news(live, NULL, NULL, NULL);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
         if (live->viewers[i].used)
             live_server_leave(live, &live->viewers[i]);
@@ -380,13 +426,16 @@ void live_server_destroy(struct live_server **owned) {
     for (size_t i = 0; i < station_count(live); i++)
         free(live->cache[i].metrics);
     free(live->cache);
+    free(live->servers.served_by);
     pthread_rwlock_destroy(&live->news_lock);
     free(live);
 }
 
-void live_server_on_news(struct live_server *live, void (*on_news)(void *user), void *user) {
+void live_server_on_news(struct live_server *live, void (*on_news)(void *user),
+                         void (*on_news_of)(void *user, struct viewer *viewer), void *user) {
     pthread_rwlock_wrlock(&live->news_lock);
     live->on_news = on_news;
+    live->on_news_of = on_news_of;
     live->news_user = user;
     pthread_rwlock_unlock(&live->news_lock);
 }
@@ -396,5 +445,12 @@ void live_news(void *user) {
     pthread_rwlock_rdlock(&live->news_lock);
     if (live->on_news)
         live->on_news(live->news_user);
+    pthread_rwlock_unlock(&live->news_lock);
+}
+
+void live_news_of(struct live_server *live, struct viewer *viewer) {
+    pthread_rwlock_rdlock(&live->news_lock);
+    if (live->on_news_of)
+        live->on_news_of(live->news_user, viewer);
     pthread_rwlock_unlock(&live->news_lock);
 }

@@ -8,6 +8,7 @@
 #pragma once
 
 #include "live/account.h"
+#include "relay/relay.h"
 #include "sessions/sessions.h"
 #include "wire/wire.h"
 
@@ -31,18 +32,23 @@ struct live_config {
     // How long a page may take less than 64 KiB of a recorded session while other pages wait for
     // the thread that plays it; 0: 10 s.
     int patience_ms;
+    struct relays *relays; // to other servers; NULL: this one is alone
 };
 
 struct live_server *live_server_create(struct sessions *sessions, const struct live_config *config);
 // Call before sessions_destroy, and after the web server has ended. NULL inside is fine.
 void live_server_destroy(struct live_server **live);
 
-// From now on `on_news` is called when some viewer may have a batch: from any thread, at any time.
-// It must not wait. NULL ends this; no call is under way when the function returns.
-void live_server_on_news(struct live_server *live, void (*on_news)(void *user), void *user);
+// From now on `on_news` is called when some viewer may have a batch: from any thread, at any time;
+// and `on_news_of` when this one may: from the web server's thread. They must not wait. NULL ends
+// this; no call is under way when the function returns.
+void live_server_on_news(struct live_server *live, void (*on_news)(void *user),
+                         void (*on_news_of)(void *user, struct viewer *viewer), void *user);
 
 // NULL if there are LIVE_VIEWERS_MAX viewers, or the account has as many as it may.
-struct viewer *live_server_join(struct live_server *live, const struct live_account *account);
+// token: of the account, for other servers.
+struct viewer *live_server_join(struct live_server *live, const struct live_account *account,
+                                const char *token);
 void live_server_leave(struct live_server *live, struct viewer *viewer);
 
 // What the page may not ask for, or asks too often, is answered, or waits.

@@ -22,11 +22,12 @@ struct playback {
     struct live_server *live;
     struct playback_turn turn; // of the server's list
     arthron_Watch watch;
-    atomic_bool left;
+    atomic_bool left, is_missing;
     struct ring *parcels; // of struct parcel *, to the thread of the pages
     struct parcel *next;  // that thread's: taken, and not put in a batch yet
     atomic_size_t waiting, parcels_waiting;
-    sem_t taken; // posted where the page took something
+    char server[SERVER_NAME_SIZE]; // once it is missing: who has it, if that is known
+    sem_t taken;                   // posted where the page took something
     // The thread's own; before it starts, the pages'.
     arthron_Live item;
     arthron_MeshChunk chunk;
@@ -79,6 +80,11 @@ void playback_leave(struct playback **playback) {
     if (turns_leave(&p->live->turns, &p->turn))
         release(&waited);
     release(playback);
+}
+
+bool playback_is_missing(const struct playback *p, const char **out_server) {
+    *out_server = p->server;
+    return atomic_load(&p->is_missing);
 }
 
 // ---- to the page --------------------------------------------------------------------------------
@@ -188,11 +194,25 @@ static void fail_with(struct playback *p, arthron_Trouble_Kind kind, arthron_Why
 
 // ---- the thread ---------------------------------------------------------------------------------
 
+static bool is_here(struct playback *p) {
+    return replay_stream_is_here(p->live->sessions, &p->watch, p->server);
+}
+
+// Then the thread of the pages goes on where the trace is missing.
+static bool asks_others(const struct playback *p) {
+    return p->live->config.relays && !p->watch.own;
+}
+
 static enum result play(struct playback *p, struct error *err) {
     const struct live_config *config = &p->live->config;
     if (!config->allowed || !config->allowed(config->user, &p->turn.account, p->watch.session))
         return fail(err, RESULT_REFUSED, "there is no session %s that you may see",
                     p->watch.session);
+    if (asks_others(p) && !is_here(p)) {
+        atomic_store(&p->is_missing, true);
+        live_news(p->live);
+        return RESULT_OK;
+    }
     bool blind =
         config->is_blind && config->is_blind(config->user, &p->turn.account, p->watch.session);
     struct replay_sink sink = {p, say, say_mesh, &p->item, blind};
@@ -212,7 +232,9 @@ static void run_one(struct playback *p) {
     if (atomic_load(&p->left))
         return;
     enum result result = play(p, &err);
-    if (result == RESULT_REFUSED)
+    if (result == RESULT_MISSING && !is_here(p))
+        fail_with(p, arthron_Trouble_Kind_FAILED, arthron_Why_Code_NOT_HERE, err.text);
+    else if (result == RESULT_REFUSED)
         fail_with(p, arthron_Trouble_Kind_NOT_THERE, arthron_Why_Code_NOT_YOURS, err.text);
     else if (result != RESULT_OK && result != RESULT_CLOSED)
         fail_with(p, arthron_Trouble_Kind_FAILED, arthron_Why_Code_UNSAID,

@@ -13,4 +13,6 @@ struct playback;
 struct playback *playback_create(struct live_server *live, const struct viewer *viewer);
 void playback_start(struct playback *playback);  // when its turn comes
 void playback_leave(struct playback **playback); // ends it soon, and releases the reference
+// The trace is not here, and another server may have it: this one, or where it is empty, any.
+bool playback_is_missing(const struct playback *playback, const char **out_server);
 void playback_batch(struct playback *playback, struct live_batch *batch);

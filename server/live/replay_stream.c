@@ -42,20 +42,36 @@ struct replay_stream {
 
 // ---- which --------------------------------------------------------------------------------------
 
-static void take_trace(void *user, const struct store_cell *cells, int count) {
-    for (int i = 0; i < count; i++)
-        if (!strcmp(cells[i].column, "trace") && cells[i].kind == STORE_TEXT)
-            snprintf(user, SESSIONS_PATH_MAX, "%s", cells[i].text);
+struct session_row {
+    char trace[SESSIONS_PATH_MAX], server[SERVER_NAME_SIZE];
+};
+
+static void take_row(void *user, const struct store_cell *cells, int count) {
+    struct session_row *row = user;
+    for (int i = 0; i < count; i++) {
+        if (cells[i].kind != STORE_TEXT)
+            continue;
+        if (!strcmp(cells[i].column, "trace"))
+            snprintf(row->trace, sizeof row->trace, "%s", cells[i].text);
+        if (!strcmp(cells[i].column, "server"))
+            snprintf(row->server, sizeof row->server, "%s", cells[i].text);
+    }
+}
+
+static void read_row(const char *records, const char *session, struct session_row *out) {
+    struct store *store;
+    *out = (struct session_row){0};
+    if (!records[0] || store_open(records, STORE_THERE, "server", &store, NULL) != RESULT_OK)
+        return;
+    store_rows(store, LIST_SESSIONS, session, take_row, out, NULL);
+    store_close(&store);
 }
 
 static bool find_in_records(const char *records, const char *session,
                             char out_path[SESSIONS_PATH_MAX]) {
-    struct store *store;
-    out_path[0] = '\0';
-    if (!records[0] || store_open(records, STORE_THERE, "server", &store, NULL) != RESULT_OK)
-        return false;
-    store_rows(store, LIST_SESSIONS, session, take_trace, out_path, NULL);
-    store_close(&store);
+    struct session_row row;
+    read_row(records, session, &row);
+    memcpy(out_path, row.trace, SESSIONS_PATH_MAX);
     return out_path[0] && catalogue_is_of(out_path, session);
 }
 
@@ -69,6 +85,17 @@ static enum result find_trace(const struct sessions *sessions, const char *sessi
         find_in_records(config->records, session, out_path))
         return RESULT_OK;
     return fail(err, RESULT_MISSING, "the trace of session %s is missing", session);
+}
+
+bool replay_stream_is_here(const struct sessions *sessions, const arthron_Watch *watch,
+                           char out_server[SERVER_NAME_SIZE]) {
+    const struct sessions_config *config = sessions_config(sessions);
+    char path[SESSIONS_PATH_MAX];
+    struct session_row row;
+    read_row(config->records, watch->session, &row);
+    bool is_elsewhere = row.server[0] && strcmp(row.server, config->cluster.jet.name) != 0;
+    snprintf(out_server, SERVER_NAME_SIZE, "%s", is_elsewhere ? row.server : "");
+    return !is_elsewhere && find_trace(sessions, watch->session, path, NULL) == RESULT_OK;
 }
 
 static enum result find_case(struct replay_stream *f, struct error *err) {

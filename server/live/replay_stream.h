@@ -13,6 +13,11 @@ struct replay_sink {
     bool blind;         // the trainee's name is left out
 };
 
+// Whether this server has the trace of the session that is watched; where there are several, the
+// newest part of it. out_server: the name of the other one that has that, where the records say it.
+bool replay_stream_is_here(const struct sessions *sessions, const arthron_Watch *watch,
+                           char out_server[SERVER_NAME_SIZE]);
+
 // watch: a session of the server's traces or records; the rate; with or without meshes; and its own
 // case or another one, on which the same hands are shown. RESULT_MISSING: there is no such session,
 // case or trace. RESULT_CLOSED: the sink has gone. A fault of the trace goes to the sink as a

@@ -129,6 +129,8 @@ static void fill_place(struct live_server *live, int station, double passed_s, a
     out->strength = strength_of(config, &status);
     out->optic_deg = (float)config->stations[station].optic.tilt_deg;
     out->optic_view_deg = (float)config->stations[station].optic.field_deg;
+    if (live->servers.served_by[station] == SERVED_HERE)
+        snprintf(out->server, sizeof out->server, "%s", config->cluster.jet.name);
     warning_of_place(out, config->calibration_mm);
 }
 

@@ -4,7 +4,9 @@
 #include "base/bucket.h"
 #include "base/ring.h"
 #include "base/task_pool.h"
+#include "live/answers.h"
 #include "live/blindness.h"
+#include "live/elsewhere.h"
 #include "live/live.h"
 #include "live/playback_turns.h"
 #include "sessions/sessions.h"
@@ -13,8 +15,6 @@
 
 #include <pthread.h>
 #include <semaphore.h>
-
-#define ASKED_MAX 8 // unanswered commands of one page
 
 // ---- batches ------------------------------------------------------------------------------------
 
@@ -91,8 +91,9 @@ struct viewer {
     arthron_Why trouble_why;
     int64_t told_ns;      // when it last got a batch
     struct ring *answers; // of struct parcel *, from a thread of its commands
-    int asked;            // unanswered commands
-    int refused;          // commands after these, which are refused
+    struct answers answers_due;
+    int refused; // commands after these, which are refused
+    struct elsewhere elsewhere;
 
     arthron_Watch watch;
     int64_t period_ns, due_ns; // of moments
@@ -102,6 +103,7 @@ struct viewer {
         uint32_t place;
         uint64_t attempt_of; // session
         uint32_t attempt;    // of its news, the last that the page has
+        bool elsewhere;      // another server has told of it
     } * sent;                // of each station
 
     // One station:
@@ -132,6 +134,7 @@ struct live_server {
     uint32_t numbers;
     struct station_cache *cache; // of each station
     struct blindness blindness;
+    struct live_servers servers;
     arthron_Live item; // too large for a stack, as is the chunk
     arthron_MeshChunk chunk;
     struct task_pool *commands;  // commands of one page run in order
@@ -140,6 +143,7 @@ struct live_server {
     atomic_int playbacks_called; // threads that are to look for a turn
     pthread_rwlock_t news_lock;  // of on_news and news_user
     void (*on_news)(void *user);
+    void (*on_news_of)(void *user, struct viewer *viewer);
     void *news_user;
 };
 
@@ -168,6 +172,8 @@ int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now
 int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                        struct live_batch *batch);
 void follow_end(struct viewer *viewer); // the viewer no longer watches this
+// The same station is told from the beginning, here or at another server.
+void follow_anew(struct viewer *viewer);
 // Says that the viewer may not see what is at a station, if there is one.
 void follow_bar(struct viewer *viewer, const char *station);
 // Takes a page's message about its meshes. It reaches the cut worker when the page may be served.
@@ -183,3 +189,5 @@ bool command_runner_add(struct live_server *live, const struct viewer *viewer,
 
 // Calls on_news: some viewer may have a batch. From any thread, never waits. user: the live_server.
 void live_news(void *user);
+// This viewer may have one. The web server's thread.
+void live_news_of(struct live_server *live, struct viewer *viewer);

@@ -131,6 +131,13 @@ enum result authority_server(const char *dir, struct authority_server *out, stru
     return result;
 }
 
+int64_t authority_certificate_end(const char *dir, const char *name) {
+    X509 *certificate = authority_read_certificate(dir, name);
+    int64_t end_s = certificate ? certificate_end(certificate) : 0;
+    X509_free(certificate);
+    return end_s;
+}
+
 // The names of the hosts given, or of the present certificate where none is.
 static enum result names_to_renew(const char *dir, const char *const *hosts, int count,
                                   char out_names[NAMES_SIZE], struct error *err) {

@@ -1,7 +1,7 @@
 // The server's own certificate authority: one place for trust. All files live in one folder
-// (authority.key, authority.pem, server.key, server.pem, codes, issued, enrolled, revoked), readable
-// by the server's user alone; authority.key may lie in a folder of its own. Any number of processes
-// and threads may work on it at once.
+// (authority.key, authority.pem, server.key, server.pem, codes, issued, enrolled, revoked),
+// readable by the server's user alone; authority.key may lie in a folder of its own. Any number of
+// processes and threads may work on it at once.
 //
 // A station's name has letters, digits, '-', '_' and '.', from 1 to 63 of them: else
 // RESULT_INVALID.
@@ -37,6 +37,10 @@ struct authority_server {
 // RESULT_MISSING: there is no readable certificate.
 enum result authority_server(const char *dir, struct authority_server *out_server,
                              struct error *err);
+
+// The end of a certificate in the folder (authority.pem, server.pem), in seconds since 1970; 0: it
+// cannot be read.
+int64_t authority_certificate_end(const char *dir, const char *name);
 
 // Makes a new certificate for the server, from the same authority, for the same key and 2 years. It
 // is for these host names and addresses, or for the present ones if host_count is 0. A running
@@ -108,6 +112,15 @@ enum result authority_used(const char *dir, const char *station, const char *ser
 // Revokes all certificates and voids all codes of this station. RESULT_MISSING: no certificate was
 // ever issued to this name.
 enum result authority_revoke(const char *dir, const char *station, struct error *err);
+
+#define AUTHORITY_SERIALS_SIZE 16384
+
+// The same where other servers have this authority, too, each with lists of its own. *serials: of
+// certificates that others issued to this station, in hexadecimal digits, separated by blanks; on
+// return of all of the station's that are revoked here and have not ended. RESULT_MISSING: nobody
+// ever issued one. RESULT_FORMAT: they are none.
+enum result authority_revoke_all(const char *dir, const char *station,
+                                 char serials[AUTHORITY_SERIALS_SIZE], struct error *err);
 
 // The end of the station's last valid certificate; 0: it has none.
 enum result authority_station_until(const char *dir, const char *station, int64_t *out_utc_s,

@@ -358,15 +358,49 @@ enum result authority_renew(const char *dir, const char *station, const char *se
 
 // ---- revocation ---------------------------------------------------------------------------------
 
+static void add_revoked(struct records *revoked, const char *serial, const char *station) {
+    if (!contains(revoked, serial))
+        records_add(revoked, serial, now_s(), station);
+}
+
+// Serial numbers that other servers told. False: they are none.
+static bool revoke_told(const char *serials, const char *station, struct records *revoked) {
+    for (const char *at = serials; *at; at += strspn(at, " ")) {
+        char serial[CERTIFICATE_SERIAL_SIZE];
+        size_t length = strcspn(at, " ");
+        if (!length || length >= sizeof serial || strspn(at, "0123456789ABCDEFabcdef") != length)
+            return false;
+        memcpy(serial, at, length);
+        serial[length] = '\0';
+        add_revoked(revoked, serial, station);
+        at += length;
+    }
+    return true;
+}
+
+// Of those that have not ended, as far as there is room: the newest.
+static void tell_revoked(const struct records *revoked, const char *station,
+                         char out[AUTHORITY_SERIALS_SIZE]) {
+    size_t used = 0;
+    out[0] = '\0';
+    for (int i = revoked->count - 1; i >= 0; i--) {
+        const struct record *record = &revoked->items[i];
+        if (strcmp(record->station, station) != 0 ||
+            record->utc_s + CERTIFICATE_DAYS * DAY_S <= now_s() ||
+            used + strlen(record->key) + 2 > AUTHORITY_SERIALS_SIZE)
+            continue;
+        used += (size_t)sprintf(out + used, "%s%s", used ? " " : "", record->key);
+    }
+}
+
 static enum result revoke_issued(const char *dir, const char *station, const struct records *issued,
                                  struct records *revoked, struct error *err) {
     bool any = false;
     for (int i = 0; i < issued->count; i++)
-        if (!strcmp(issued->items[i].station, station)) {
-            any = true;
-            if (!contains(revoked, issued->items[i].key))
-                records_add(revoked, issued->items[i].key, now_s(), station);
-        }
+        if (!strcmp(issued->items[i].station, station))
+            add_revoked(revoked, issued->items[i].key, station);
+    for (int i = 0; i < revoked->count; i++)
+        any = any || !strcmp(revoked->items[i].station, station);
     if (!any)
         return fail(err, RESULT_MISSING, "%s: no certificate was ever issued to station %s", dir,
                     station);
@@ -384,7 +418,8 @@ static enum result void_codes(const char *dir, const char *station, struct error
     return result;
 }
 
-enum result authority_revoke(const char *dir, const char *station, struct error *err) {
+enum result authority_revoke_all(const char *dir, const char *station,
+                                 char serials[AUTHORITY_SERIALS_SIZE], struct error *err) {
     int lock;
     enum result result = check_name(station, err);
     if (result == RESULT_OK)
@@ -395,11 +430,20 @@ enum result authority_revoke(const char *dir, const char *station, struct error 
     result = read_certificates(dir, &all, err);
     if (result == RESULT_OK)
         result = void_codes(dir, station, err);
+    if (result == RESULT_OK && !revoke_told(serials, station, &all.revoked))
+        result = fail(err, RESULT_FORMAT, "%s: these are no serial numbers", station);
     if (result == RESULT_OK)
         result = revoke_issued(dir, station, &all.issued, &all.revoked, err);
+    if (result == RESULT_OK)
+        tell_revoked(&all.revoked, station, serials);
     release_certificates(&all);
     close(lock);
     return result;
+}
+
+enum result authority_revoke(const char *dir, const char *station, struct error *err) {
+    char serials[AUTHORITY_SERIALS_SIZE] = "";
+    return authority_revoke_all(dir, station, serials, err);
 }
 
 // Those issued before the one of this serial number; how many were not revoked yet.

@@ -238,6 +238,7 @@ static int tick(struct peer *peer) {
 static void on_round(lws_sorted_usec_list_t *round) {
     struct control *control = lws_container_of(round, struct control, round);
     int64_t now_ns = clock_now_ns();
+    atomic_store(&control->round_ns, now_ns);
     for (int i = 0; i < control->slot_count; i++) {
         struct peer *peer = control->slots[i].peer;
         if (peer && !peer->closing && !peer->slows && !peer->slowed && peer->tick_ns <= now_ns)
@@ -418,4 +419,8 @@ struct control_counts control_counts(const struct control *control) {
         .replies_dropped = atomic_load(&control->replies_dropped),
         .shut = atomic_load(&control->shut),
     };
+}
+
+int64_t control_round_ns(const struct control *control) {
+    return atomic_load(&control->round_ns);
 }

@@ -97,4 +97,8 @@ struct control_counts {
     uint64_t shut; // connections turned away or shut because too many proved no certificate
 };
 
+// When the control thread was last free for a round, of which there are ten a second; monotonic.
+// Any thread.
+int64_t control_round_ns(const struct control *control);
+
 struct control_counts control_counts(const struct control *control);

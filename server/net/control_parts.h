@@ -98,6 +98,7 @@ struct control {
     int *serving, serving_count; // the same of one turn
     atomic_uint_fast64_t unknown_messages, malformed_messages, refused_certificates,
         replies_dropped, shut;
+    atomic_int_fast64_t round_ns; // the last one
 };
 
 // ---- control.c ----------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "case/case.h"
+#include "case/content.h"
 #include "cluster/cluster.h"
 #include "records/recorder.h"
 #include "runtime/types.h"
@@ -15,6 +16,7 @@
 struct session_case {
     char name[STATION_NAME_MAX];
     char dir[SESSIONS_PATH_MAX];
+    char hash[CONTENT_HASH_SIZE]; // of its content; empty: any
 };
 
 struct session_station {
@@ -45,6 +47,7 @@ struct sessions_config {
     char socket[SESSIONS_PATH_MAX];    // local socket of the console
     char records[SESSIONS_PATH_MAX];   // the database of sessions (store); empty: none
     char tasks_dir[SESSIONS_PATH_MAX]; // with the tasks' files; a folder that is not there has none
+    int keep_days, keep_gb;            // of sessions (records/retention.h); 0: no bound
     bool serve_unfit;                  // open sessions on cases that a check found unfit, too
     int case_memory_mb;                // that reading one case may take
     case_checker check_case;           // before a case is read here; or NULL

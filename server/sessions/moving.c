@@ -14,6 +14,7 @@
 #define RETRY_MS 50
 #define AWAY_RETRY_MS 500
 #define MOVE_NS (5 * NS_PER_S)
+#define REFRESH_NS (NS_PER_S)
 static const struct timespec moment = {.tv_nsec = NS_PER_MS};
 
 // ---- taking and losing, on a thread of the manager's pool ---------------------------------------
@@ -40,13 +41,14 @@ static bool has_session(struct sessions *s, int station) {
 
 // True where the station can be served.
 static bool take(struct sessions *s, int station, uint64_t token) {
-    struct journal_session session;
+    struct journal_session session = {0};
     struct error err = {0};
     struct journal_reader *reader = journal_reader_create();
     enum result result = cluster_read(s->sharing->cluster, station, reader, &err);
-    bool is_known = result == RESULT_OK || result == RESULT_MISSING;
     if (result == RESULT_OK)
         result = journal_read(reader, &session, &err);
+    // Else a server of NATS lags, or another server has the station.
+    bool is_known = session.newest_token == token;
     uint64_t begun = atomic_load(&shared(s, station)->begun);
     bool is_here = has_session(s, station);
     if (is_known && is_here && result == RESULT_OK && session.token > begun)
@@ -68,6 +70,7 @@ static void take_station(struct sessions *s, int station) {
     if (!token || atomic_load(&one->ready) == token || sessions_are_ending(s) ||
         !take(s, station, token))
         return;
+    cluster_go_on(s->sharing->cluster, station, token);
     atomic_store(&one->ready, token);
     log_info("sessions", "station %s is this server's", station_name(s, station));
     manager_call(s, station);
@@ -87,9 +90,17 @@ static void lose_station(struct sessions *s, int station) {
 
 // ---- what the cluster tells ---------------------------------------------------------------------
 
+static void run_soon(struct sessions *s, int station,
+                     void (*work)(struct sessions *sessions, int station)) {
+    pthread_mutex_lock(&s->sharing->lock);
+    if (!s->sharing->is_over)
+        manager_run(s, station, work);
+    pthread_mutex_unlock(&s->sharing->lock);
+}
+
 static void take_soon(struct sessions *s, int station) {
     if (!atomic_exchange(&shared(s, station)->takes, true))
-        manager_run(s, station, take_station);
+        run_soon(s, station, take_station);
 }
 
 static void on_owned(void *user, int station, uint64_t token) {
@@ -103,7 +114,7 @@ static void on_lost(void *user, int station) {
     struct sessions *s = user;
     atomic_store(&shared(s, station)->token, 0);
     atomic_store(&shared(s, station)->ready, 0);
-    manager_run(s, station, lose_station); // behind a take that is under way
+    run_soon(s, station, lose_station); // behind a take that is under way
 }
 
 enum result moving_create(struct sessions *s, struct error *err) {
@@ -151,9 +162,38 @@ bool moving_hello(struct sessions *s, int station, arthron_Refusal *refusal, uin
 
 // ---- away ---------------------------------------------------------------------------------------
 
+void moving_end(struct sessions *s) {
+    if (!s->sharing)
+        return;
+    pthread_mutex_lock(&s->sharing->lock);
+    s->sharing->is_over = true;
+    pthread_mutex_unlock(&s->sharing->lock);
+}
+
+static bool is_attached(struct sessions *s, int station) {
+    struct station_status status;
+    station_slot_status(&s->slots[station], &status);
+    return status.phase == SLOT_ATTACHED;
+}
+
+// While the sessions still run here: what the next server would run again is made little.
+static void refresh_journals(struct sessions *s) {
+    int64_t until_ns = clock_now_ns() + REFRESH_NS;
+    for (int i = 0; i < s->config.station_count; i++)
+        if (is_attached(s, i)) {
+            cluster_refresh(s->sharing->cluster, i);
+            runtime_keep(s->runtime, i);
+        }
+    for (int i = 0; i < s->config.station_count; i++)
+        while (is_attached(s, i) && !cluster_is_fresh(s->sharing->cluster, i) &&
+               clock_now_ns() < until_ns)
+            nanosleep(&moment, NULL);
+}
+
 void moving_all(struct sessions *s) {
     if (!s->sharing)
         return;
+    refresh_journals(s);
     int64_t until_ns = clock_now_ns() + MOVE_NS;
     uint64_t *serials = alloc((size_t)s->config.station_count, sizeof *serials);
     for (int i = 0; i < s->config.station_count; i++) {

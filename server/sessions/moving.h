@@ -12,5 +12,8 @@ enum result moving_create(struct sessions *sessions, struct error *err);
 bool moving_hello(struct sessions *sessions, int station, arthron_Refusal *refusal,
                   uint64_t *out_token);
 
+// Before the manager ends: it gets no more work from here.
+void moving_end(struct sessions *sessions);
+
 // Before the server ends: all stations go on at other servers, with their sessions. It waits.
 void moving_all(struct sessions *sessions);

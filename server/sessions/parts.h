@@ -35,6 +35,7 @@ struct sessions {
     struct trace_signer trace_signer; // with it
     struct claim *claim;              // of the records and the traces
     struct recorder *recorder;        // NULL: no records
+    struct retention *retention;      // NULL: sessions are kept for good
     struct own_traces *own;           // NULL: all are
     struct manager *manager;
     struct sharing *sharing;   // NULL: this server is alone

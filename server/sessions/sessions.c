@@ -24,6 +24,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#define RETENTION_NOTICE_S 600 // after a start: for who mistyped [server] keep_days
+
 // ---- what is served -----------------------------------------------------------------------------
 
 static enum result load_case(struct sessions *s, int index, struct error *err) {
@@ -191,11 +193,25 @@ static void write_audit(void *user) {
         recorder_write_last(s->recorder);
 }
 
+// What another server judged may not be known here.
+static bool knows_others(void *user) {
+    const struct cluster *cluster = sessions_cluster(user);
+    return !cluster || cluster_is_connected(cluster);
+}
+
 // The traces that go on are locked before the recorder looks for those that do not.
 static void begin(struct sessions *s) {
     resume_open_traces(s);
     if (s->config.records[0])
         start_recorder(s);
+    s->retention = retention_start(
+        &(struct retention_config){.records = s->config.records,
+                                   .traces_dir = s->config.traces_dir,
+                                   .keep_days = s->config.keep_days,
+                                   .keep_bytes = (uint64_t)s->config.keep_gb * 1000000000,
+                                   .notice_s = RETENTION_NOTICE_S,
+                                   .may_remove = knows_others,
+                                   .user = s});
     resume_attach(s);
     closing_start(s);
     manager_start(s);
@@ -286,10 +302,11 @@ static void release(struct sessions *s) {
 
 // Console and manager first, so that no session begins; then the workers, who end theirs and tell
 // the stations; then the control connections; then the sessions that the workers gave back, and
-// what becomes of them in the records.
+// what becomes of them in the records; then what other servers learn of these.
 static void end(struct sessions **sessions, bool hand_over) {
     struct sessions *s = *sessions;
     sessions_break_off(s);
+    retention_stop(&s->retention);
     closing_stop(s);
     if (s->console)
         console_destroy(&s->console);
@@ -299,9 +316,11 @@ static void end(struct sessions **sessions, bool hand_over) {
     runtime_stop(s->runtime, hand_over);
     if (s->control)
         control_destroy(&s->control);
+    moving_end(s);
     manager_destroy(s);
-    sharing_destroy(s);
+    sharing_leave(s);
     recorder_stop(&s->recorder);
+    sharing_destroy(s);
     need_before_end(NULL, NULL);
     release(s);
     *sessions = NULL;
@@ -352,6 +371,11 @@ void sessions_info(struct sessions *s, int station, arthron_SessionInfo *out_inf
     session_info(s, station, out_info);
 }
 
+int sessions_whose(const struct sessions *s, struct cluster_peer *out, int max,
+                   int *out_served_by) {
+    return sharing_whose(s, out, max, out_served_by);
+}
+
 bool sessions_remarks(struct sessions *s, int station, uint64_t session, uint64_t told,
                       const uint64_t told_each[REMARKS_MAX], struct kept_remark *out, int room,
                       int *out_count, uint64_t *out_revision) {
@@ -399,6 +423,18 @@ const struct task_library *sessions_tasks(const struct sessions *s) {
     return s->tasks;
 }
 
+struct cluster *sessions_cluster(const struct sessions *s) {
+    return s->sharing ? s->sharing->cluster : NULL;
+}
+
 struct runtime *sessions_runtime(struct sessions *s) {
     return s->runtime;
+}
+
+void sessions_figures(const struct sessions *s, struct sessions_figures *out) {
+    *out = (struct sessions_figures){.control = control_counts(s->control),
+                                     .control_round_ns = control_round_ns(s->control),
+                                     .retention = retention_figures(s->retention),
+                                     .records_waiting = recorder_waiting(s->recorder),
+                                     .are_ending = sessions_are_ending(s)};
 }

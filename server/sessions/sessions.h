@@ -6,6 +6,7 @@
 // for the database, and a command that begins an attempt, for the pass mark.
 #pragma once
 
+#include "records/retention.h"
 #include "runtime/runtime.h"
 #include "sessions/config.h"
 #include "sessions/station_slot.h"
@@ -54,9 +55,23 @@ bool sessions_remarks(struct sessions *sessions, int station, uint64_t session, 
 int sessions_markers(struct sessions *sessions, int station, uint64_t session, uint64_t *told,
                      struct marker *out, int room);
 
+// Of several servers the others, and who serves which station (cluster/cluster.h).
+int sessions_whose(const struct sessions *sessions, struct cluster_peer *out, int max,
+                   int *out_served_by);
+
+struct sessions_figures {
+    struct control_counts control;
+    int64_t control_round_ns; // as of control_round_ns
+    int records_waiting;      // rows and entries that the recorder has still to write
+    struct retention_figures retention;
+    bool are_ending;
+};
+void sessions_figures(const struct sessions *sessions, struct sessions_figures *out_figures);
+
 const struct sessions_config *sessions_config(const struct sessions *sessions);
 const struct scene *sessions_scene(const struct sessions *sessions, int index); // of a case
 // Whether a case could not be read at the start, and why: "case NAME: ...".
 bool sessions_case_is_broken(const struct sessions *sessions, int index, struct error *out_why);
 const struct task_library *sessions_tasks(const struct sessions *sessions); // as read at its start
 struct runtime *sessions_runtime(struct sessions *sessions);
+struct cluster *sessions_cluster(const struct sessions *sessions); // NULL: this server is alone

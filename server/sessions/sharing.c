@@ -34,6 +34,7 @@ static void create_stations(struct sessions *s, struct sharing *sharing) {
 static void release(struct sessions *s, struct sharing *sharing) {
     for (int i = 0; i < s->config.station_count; i++)
         pthread_mutex_destroy(&sharing->stations[i].lock);
+    pthread_mutex_destroy(&sharing->lock);
     free(sharing->names);
     free(sharing->stations);
     free(sharing);
@@ -45,16 +46,27 @@ enum result sharing_create(struct sessions *s, const struct cluster_handler *han
     if (!s->config.cluster.jet.name[0])
         return RESULT_OK;
     s->sharing = alloc(1, sizeof *s->sharing);
+    pthread_mutex_init(&s->sharing->lock, NULL);
     create_stations(s, s->sharing);
     snprintf(life, sizeof life, "%s/cluster.life", s->config.traces_dir);
     enum result result =
         cluster_create(&s->config.cluster, s->sharing->names, s->config.station_count, life,
                        handler, &s->sharing->cluster, err);
+    if (result == RESULT_OK && s->config.records[0])
+        result = cluster_share_records(s->sharing->cluster, s->config.records, s->cancelled, err);
     if (result == RESULT_OK)
         return RESULT_OK;
+    if (s->sharing->cluster)
+        cluster_leave_all(s->sharing->cluster);
+    cluster_destroy(&s->sharing->cluster);
     release(s, s->sharing);
     s->sharing = NULL;
     return fail_in(err, result, "[cluster] ");
+}
+
+void sharing_leave(struct sessions *s) {
+    if (s->sharing)
+        cluster_leave_all(s->sharing->cluster);
 }
 
 void sharing_destroy(struct sessions *s) {
@@ -87,6 +99,16 @@ void sharing_server(const struct sessions *s, int station, char *out, size_t siz
     if (s->sharing && !atomic_load(&shared(s, station)->token))
         cluster_server(s->sharing->cluster, station, server);
     snprintf(out, size, "%s", server);
+}
+
+int sharing_whose(const struct sessions *s, struct cluster_peer *out, int max, int *out_served_by) {
+    int count = s->sharing ? cluster_whose(s->sharing->cluster, out, max, out_served_by) : 0;
+    for (int i = 0; i < s->config.station_count; i++)
+        if (!s->sharing)
+            out_served_by[i] = SERVED_HERE;
+        else if (out_served_by[i] == SERVED_HERE && !sharing_serves(s, i))
+            out_served_by[i] = SERVED_NOWHERE; // its session is not here yet
+    return count;
 }
 
 // ---- a session here -----------------------------------------------------------------------------

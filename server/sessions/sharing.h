@@ -23,6 +23,8 @@ struct shared_station {
 
 struct sharing {
     struct cluster *cluster;
+    pthread_mutex_t lock; // of is_over
+    bool is_over;         // the manager takes no more work
     const char **names;
     struct shared_station *stations;
 };
@@ -36,6 +38,8 @@ static inline struct shared_station *shared(const struct sessions *sessions, int
 enum result sharing_create(struct sessions *sessions, const struct cluster_handler *handler,
                            struct error *err);
 // After all sessions have been released: gives all stations free.
+void sharing_leave(struct sessions *sessions);
+// Behind sharing_leave, and behind the last that is written into the records.
 void sharing_destroy(struct sessions *sessions);
 
 // Until when this server may serve unasked (runtime/types.h); NULL: for ever.
@@ -46,6 +50,10 @@ bool sharing_serves(const struct sessions *sessions, int station);
 bool sharing_protects(const struct sessions *sessions, int station);
 // Where the station is served by another server; else empty.
 void sharing_server(const struct sessions *sessions, int station, char *out_server, size_t size);
+
+// cluster_whose of a server that is not alone. One alone serves all.
+int sharing_whose(const struct sessions *sessions, struct cluster_peer *out, int max,
+                  int *out_served_by);
 
 // Sends a connected station to another server that lives, if there is one.
 void sharing_send_on(struct sessions *sessions, int station);

@@ -224,6 +224,16 @@ static bool open_file(struct answer *a, const char *path) {
     return false;
 }
 
+static bool take_file(struct answer *a, FILE *file) {
+    struct stat status;
+    a->file = fcntl(fileno(file), F_DUPFD_CLOEXEC, 0);
+    fclose(file);
+    if (a->file < 0 || fstat(a->file, &status) != 0)
+        return false;
+    a->left = status.st_size;
+    return true;
+}
+
 bool answer_read(struct answer *a) {
     size_t wanted = a->left < ANSWER_PIECE ? (size_t)a->left : ANSWER_PIECE;
     ssize_t count = 0;
@@ -312,10 +322,14 @@ static int choose(struct answer *a, const struct web_response *r,
     return range == RANGE_NONE ? status : range == RANGE_SOME ? 206 : 416;
 }
 
-static void put_range(struct answer *a, int64_t size) {
+static void put_range(struct answer *a, const struct web_response *r, int64_t size) {
     if (a->file < 0)
         return;
     put(a, "Accept-Ranges: bytes\r\n");
+    if (r->content_range[0]) {
+        put_header(a, "Content-Range", r->content_range);
+        return;
+    }
     if (a->status == 206)
         put(a, "Content-Range: bytes %lld-%lld/%lld\r\n", (long long)a->at,
             (long long)(a->at + a->left - 1), (long long)size);
@@ -354,6 +368,10 @@ struct answer answer_of(const struct web_response *r, const struct answer_option
     a.size = r->size;
     if (r->file[0] && !open_file(&a, r->file))
         return answer_refusal(404, "not_found", "There is no such file.", false);
+    if (r->open_file && !take_file(&a, r->open_file)) {
+        answer_release(&a);
+        return failure();
+    }
     bool packed = is_packed(r, options) && a.left <= COMPRESSED_MAX;
     if (packed && a.file < 0)
         pack(&a);
@@ -367,7 +385,7 @@ struct answer answer_of(const struct web_response *r, const struct answer_option
     put_headers(&a, r);
     if (packed)
         put(&a, "Content-Encoding: gzip\r\n");
-    put_range(&a, size);
+    put_range(&a, r, size);
     bool bare = status == 304 || status == 204;
     end(&a, bare ? -1 : status == 416 ? 0 : a.file >= 0 ? a.left : (int64_t)a.size);
     if (bare || status == 416 || options->head_only)

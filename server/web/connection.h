@@ -86,7 +86,9 @@ struct web {
     struct rate_limits *limits;
     struct guests *guests;
     int places, spare; // connections that may stay; more that may be leaving
-    int here, staying; // connections; those of them that do not leave
+    int outgoing;      // the handler's own
+    atomic_int here;   // connections
+    int staying;       // those of them that do not leave
     struct web_connection *connections[WEB_CONNECTIONS_ALL]; // NULL: free
     struct request_pool *pool;
     struct ws_server *server;
@@ -94,7 +96,9 @@ struct web {
     struct bucket turns;
     atomic_bool woken;                               // any thread
     struct web_connection *sockets[WEB_VIEWERS_MAX]; // NULL: free
-    int open_sockets;
+    atomic_int open_sockets;
+    atomic_uint_fast64_t answers[6]; // as of web_counts
+    atomic_int_fast64_t certificate_until_s;
     struct web_connection *downloads[WEB_DOWNLOADS_MAX]; // NULL: free
     uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
     uint8_t bytes[WEB_BATCH_MAX];

@@ -73,13 +73,20 @@ static void read_token(struct lws *socket, char out_token[WEB_TOKEN_MAX], bool *
                      token_of_cookies(text, out_token);
 }
 
+static bool is_passed_on(struct lws *socket) {
+    char via[256];
+    return header(socket, WSI_TOKEN_HTTP_VIA, via, sizeof via) && strstr(via, WEB_VIA);
+}
+
 // "gzip", but not "gzip;q=0".
-static bool takes_gzip(const char *accepted) {
-    const char *at = strstr(accepted, "gzip");
+static bool is_accepted(const char *accepted, const char *what) {
+    const char *at = strstr(accepted, what);
     if (!at)
         return false;
-    at += strcspn(at, ";,");
-    return strncmp(at, ";q=0", 4) || (at[4] == '.' && strspn(at + 5, "0") != strcspn(at + 5, ", "));
+    const char *weight = strstr(at, ";q=0"), *end = at + strcspn(at, ",");
+    if (!weight || weight > end)
+        return true;
+    return weight[4] == '.' && strspn(weight + 5, "0") != strcspn(weight + 5, ",; ");
 }
 
 static void read_device(struct lws *socket, char out_device[WEB_TOKEN_MAX]) {
@@ -89,10 +96,16 @@ static void read_device(struct lws *socket, char out_device[WEB_TOKEN_MAX]) {
         token_of_device(text, out_device);
 }
 
+static bool takes_openmetrics(struct lws *socket) {
+    char accepted[1024];
+    return header(socket, WSI_TOKEN_HTTP_ACCEPT, accepted, sizeof accepted) &&
+           is_accepted(accepted, "application/openmetrics-text");
+}
+
 static void read_options(struct lws *socket, struct answer_options *options) {
     char accepted[128];
     header(socket, WSI_TOKEN_HTTP_ACCEPT_ENCODING, accepted, sizeof accepted);
-    options->takes_gzip = takes_gzip(accepted);
+    options->takes_gzip = is_accepted(accepted, "gzip");
     header(socket, WSI_TOKEN_HTTP_RANGE, options->range, sizeof options->range);
     header(socket, WSI_TOKEN_HTTP_IF_RANGE, options->if_range, sizeof options->if_range);
     header(socket, WSI_TOKEN_HTTP_IF_NONE_MATCH, options->none_match, sizeof options->none_match);
@@ -167,6 +180,8 @@ static struct refusal check(struct web_connection *c, struct web_task *task, int
 // ---- answering ----------------------------------------------------------------------------------
 
 static int send_answer(struct web_connection *c, struct answer answer) {
+    if (answer.status < 600) // another server may answer anything
+        atomic_fetch_add(&c->web->answers[answer.status / 100], 1);
     log_debug("web", "%s %s %s: %d", c->address, c->task ? c->task->method : "",
               c->task ? c->task->path : "", answer.status);
     web_task_destroy(&c->task);
@@ -234,12 +249,23 @@ static int add_request(struct web_connection *c) {
     return 0;
 }
 
+// What monitors ask for where they expect it.
+static void place_in_api(struct web_task *task) {
+    static const char *const paths[] = {"/metrics", "/healthz", "/readyz"};
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; i++)
+        if (!strcmp(task->path, paths[i])) {
+            snprintf(task->path, sizeof task->path, "/api/v1%s", paths[i]);
+            return;
+        }
+}
+
 // The request is whole.
 static int dispatch(struct web_connection *c) {
     static const char api[] = "/api/v1/";
     lws_sul_cancel(&c->body_due);
     if (c->refusal.status)
         return refuse(c, &c->refusal);
+    place_in_api(c->task);
     return strncmp(c->task->path, api, sizeof api - 1) ? serve_page(c) : add_request(c);
 }
 
@@ -262,6 +288,8 @@ int http_begin(struct web_connection *c) {
     read_token(c->socket, task->token, &task->by_cookie);
     read_device(c->socket, task->device);
     read_options(c->socket, &task->options);
+    task->is_passed_on = is_passed_on(c->socket);
+    task->takes_openmetrics = takes_openmetrics(c->socket);
     memcpy(task->address, c->address, sizeof task->address);
     task->is_near = c->limit->source.near;
     bool readable = read_path(task, uri, uri_length) && read_query(c->socket, task);

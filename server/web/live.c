@@ -112,6 +112,12 @@ void live_wake(struct web *web) {
             poll_now(web->sockets[i]);
 }
 
+void web_wake_viewer(struct web *web, const void *viewer) {
+    for (int i = 0; i < WEB_VIEWERS_MAX; i++)
+        if (web->sockets[i] && web->sockets[i]->live->user == viewer)
+            poll_now(web->sockets[i]);
+}
+
 void live_close_all(struct web *web) {
     for (int i = 0; i < WEB_VIEWERS_MAX; i++)
         if (web->sockets[i])
@@ -156,7 +162,7 @@ static bool is_same(const struct web_account *a, const struct web_account *b) {
 
 static void admit(struct web_connection *c) {
     const struct web_handler *handler = &c->web->handler;
-    c->live->user = handler->on_viewer(handler->user, &c->live->account);
+    c->live->user = handler->on_viewer(handler->user, &c->live->account, c->live->token);
     if (!c->live->user) {
         close_with(c, TRY_LATER);
         return;

@@ -17,7 +17,7 @@ struct request_pool {
     void (*on_done)(void *user);
     void *user;
     struct gzip_cache *cache;
-    struct task_pool *tasks, *slow;
+    struct task_pool *tasks, *slow, *later;
     pthread_mutex_t lock; // guards what follows
     struct web_task *first_done, **end_done;
 };
@@ -36,9 +36,16 @@ void web_task_destroy(struct web_task **task) {
     if (!*task)
         return;
     answer_release(&(*task)->answer);
+    if ((*task)->later)
+        (*task)->later((*task)->later_data, NULL);
     free((*task)->body);
     free(*task);
     *task = NULL;
+}
+
+static void take_response(struct web_task *task, struct web_response *response) {
+    memcpy(task->downloader, response->owner, sizeof task->downloader);
+    task->answer = answer_of(response, &task->options, task->pool->cache);
 }
 
 static void answer_request(struct request_pool *p, struct web_task *task) {
@@ -54,11 +61,26 @@ static void answer_request(struct request_pool *p, struct web_task *task) {
         .device = task->device[0] ? task->device : NULL,
         .address = task->address,
         .is_near = task->is_near,
+        .is_passed_on = task->is_passed_on,
+        .takes_openmetrics = task->takes_openmetrics,
+        .range = task->options.range[0] ? task->options.range : NULL,
+        .if_range = task->options.if_range[0] ? task->options.if_range : NULL,
     };
     p->handler.on_request(p->handler.user, &request, &response);
-    memcpy(task->downloader, response.owner, sizeof task->downloader);
     task->account = response.account;
-    task->answer = answer_of(&response, &task->options, p->cache);
+    task->later = response.later;
+    task->later_data = response.later_data;
+    if (!task->later)
+        take_response(task, &response);
+}
+
+static int64_t run_later(void *data) {
+    struct web_task *task = data;
+    struct web_response response = {0};
+    task->later(task->later_data, &response);
+    task->later = NULL;
+    take_response(task, &response);
+    return TASK_DONE;
 }
 
 static int64_t run(void *data) {
@@ -78,9 +100,21 @@ static int64_t run(void *data) {
     return TASK_DONE;
 }
 
+static void finish(void *data, bool done);
+
+// False: too many wait.
+static bool add_later(struct web_task *task) {
+    return task_pool_add(task->pool->later,
+                         &(struct pool_task){.run = run_later, .finish = finish, .data = task});
+}
+
 static void finish(void *data, bool done) {
     struct web_task *task = data;
     struct request_pool *p = task->pool;
+    if (done && task->later && add_later(task))
+        return;
+    if (done && task->later)
+        task->answer = answer_refusal(503, "busy", "The server is too busy; try again.", false);
     pthread_mutex_lock(&p->lock);
     task->next = NULL;
     *p->end_done = task;
@@ -122,6 +156,8 @@ struct request_pool *request_pool_create(const struct web_handler *handler,
     const struct task_pool_settings slow = {.threads = SLOW_THREADS,
                                             .tasks_max = REQUEST_POOL_WAITING_MAX + SLOW_THREADS,
                                             .nice = SLOW_NICE};
+    const struct task_pool_settings later = {
+        .threads = WEB_LATER_THREADS, .tasks_max = REQUEST_POOL_WAITING_MAX + WEB_LATER_THREADS};
     struct request_pool *p = alloc(1, sizeof *p);
     p->handler = *handler;
     p->on_done = on_done;
@@ -131,18 +167,21 @@ struct request_pool *request_pool_create(const struct web_handler *handler,
     pthread_mutex_init(&p->lock, NULL);
     p->tasks = task_pool_create(&settings);
     p->slow = task_pool_create(&slow);
+    p->later = task_pool_create(&later);
     return p;
 }
 
 void request_pool_stop(struct request_pool *p) {
     task_pool_stop(p->tasks);
     task_pool_stop(p->slow);
+    task_pool_stop(p->later);
 }
 
 void request_pool_destroy(struct request_pool **pool) {
     struct request_pool *p = *pool;
     task_pool_destroy(&p->tasks);
     task_pool_destroy(&p->slow);
+    task_pool_destroy(&p->later);
     for (struct web_task *task; (task = request_pool_take_done(p));)
         web_task_destroy(&task);
     gzip_cache_destroy(&p->cache);

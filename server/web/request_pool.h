@@ -6,7 +6,7 @@
 #include "web/token.h"
 #include "web/web.h"
 
-#define REQUEST_POOL_WAITING_MAX 64 // requests, and as many slow ones
+#define REQUEST_POOL_WAITING_MAX 64 // requests, as many slow ones, and as many that wait for others
 
 enum web_task_kind {
     WEB_TASK_ACCOUNT, // whose token it is
@@ -31,10 +31,14 @@ struct web_task {
     char address[48];
     bool is_near;
     bool by_cookie;
+    bool is_passed_on;
+    bool takes_openmetrics;
     char *body; // owned; NULL: none
     size_t size;
     struct answer_options options;
-    char downloader[64]; // the answer's owner; empty: none
+    char downloader[64];                                          // the answer's owner; empty: none
+    void (*later)(void *data, struct web_response *out_response); // as of a response
+    void *later_data;
     // WEB_TASK_REQUEST, WEB_TASK_FILE
     struct answer answer;
     bool failed; // WEB_TASK_FILE: the file cannot be read

@@ -185,9 +185,16 @@ static void on_renewal_due(lws_sorted_usec_list_t *due) {
         host_check_renew(web->hosts);
         log_info("web", "the certificate for browsers was renewed");
     }
+    atomic_store(&web->certificate_until_s, tls_files_end_s(web->tls_files));
     tls_files_warn(web->tls_files, "web", "renew it (docs/INSTALL.md)");
     tls_credentials_destroy(&credentials);
     plan_renewal(web);
+}
+
+static enum result handler_starts(struct web *web, struct error *err) {
+    const struct web_handler *handler = &web->handler;
+    return handler->on_start ? handler->on_start(handler->user, web->context, web->outgoing, err)
+                             : RESULT_OK;
 }
 
 static enum result listen_at(struct web *web, const struct web_config *config, struct error *err) {
@@ -203,8 +210,8 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
         .timeout_secs_ah_idle = (unsigned)web->timeout_s,
         .keepalive_timeout = KEEP_ALIVE_S,
         .max_http_header_data = HEADERS_MAX,
-        .max_http_header_pool = (unsigned)(web->places + web->spare),
-        .fd_limit_per_thread = (unsigned)(web->places + web->spare),
+        .max_http_header_pool = (unsigned)(web->places + web->spare + web->outgoing),
+        .fd_limit_per_thread = (unsigned)(web->places + web->spare + web->outgoing),
         .retry_and_idle_policy = &web->liveness,
         .vhost_name = "web",
     };
@@ -214,9 +221,10 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
                                               .is_empty = is_empty,
                                               .after_turn = limit_turns};
     enum result result = ws_server_create(WS_SERVER_TLS, &info, &handler, &web->server, err);
-    if (result == RESULT_OK)
-        web->context = ws_server_context(web->server);
-    return result;
+    if (result != RESULT_OK)
+        return result;
+    web->context = ws_server_context(web->server);
+    return handler_starts(web, err);
 }
 
 static void release(struct web *web) {
@@ -230,6 +238,13 @@ static void release(struct web *web) {
     free(web);
 }
 
+static void share_places(struct web *web, int outgoing) {
+    int wanted = WEB_CONNECTIONS_MAX + outgoing;
+    int places = ws_server_places(wanted, WEB_CONNECTIONS_SPARE, &web->spare);
+    web->outgoing = places * outgoing / wanted;
+    web->places = places - web->outgoing;
+}
+
 enum result web_create(const struct web_config *config, const struct web_handler *handler,
                        struct web **out_web, struct error *err) {
     struct web *web = alloc(1, sizeof *web);
@@ -240,13 +255,15 @@ enum result web_create(const struct web_config *config, const struct web_handler
     web->liveness.secs_since_valid_hangup = (uint16_t)web->timeout_s;
     web->limits = rate_limits_create();
     web->guests = guests_create();
-    web->places = ws_server_places(WEB_CONNECTIONS_MAX, WEB_CONNECTIONS_SPARE, &web->spare);
+    share_places(web, config->outgoing);
     *out_web = NULL;
     enum result result = host_check_create(config->certificate, config->names, &web->hosts, err);
     if (result == RESULT_OK)
         result = tls_files_create(config->certificate, config->key, &web->tls_files, NULL, err);
-    if (result == RESULT_OK)
+    if (result == RESULT_OK) {
+        atomic_store(&web->certificate_until_s, tls_files_end_s(web->tls_files));
         result = listen_at(web, config, err);
+    }
     if (result != RESULT_OK) {
         release(web);
         return result;
@@ -273,4 +290,13 @@ int web_port(const struct web *web) {
 void web_wake(struct web *web) {
     if (!atomic_exchange(&web->woken, true))
         ws_server_wake(web->server);
+}
+
+struct web_counts web_counts(const struct web *web) {
+    struct web_counts counts = {.connections = atomic_load(&web->here),
+                                .pages = atomic_load(&web->open_sockets),
+                                .certificate_until_s = atomic_load(&web->certificate_until_s)};
+    for (size_t i = 0; i < sizeof counts.answers / sizeof *counts.answers; i++)
+        counts.answers[i] = atomic_load(&web->answers[i]);
+    return counts;
 }

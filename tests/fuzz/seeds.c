@@ -8,6 +8,7 @@
 #include "trace/part.h"
 #include "trace/state_session.h"
 #include "unit/case_knee.h"
+#include "wire/live.h"
 #include "wire/mesh_delta.h"
 #include "wire/seal.h"
 #include "wire/wire.h"
@@ -749,6 +750,42 @@ static void sealed_files(void) {
         seed("sealed", (char[]){(char)('0' + i), 0}, changes[i], sizeof changes[i]);
 }
 
+static size_t put_item(const arthron_Live *item, uint8_t *out, size_t size) {
+    size_t used;
+    CHECK(live_encode(item, out, size, &used) == RESULT_OK);
+    return used;
+}
+
+// What a server tells another one: a station, its moment and an end; and two lists.
+static void batches(void) {
+    static uint8_t bytes[2 * LIVE_ITEM_MAX];
+    static arthron_Live item;
+    size_t size = 0;
+    item = (arthron_Live){.which_message = arthron_Live_place_tag};
+    item.message.place = (arthron_Place){
+        .station_number = 2, .has_info = true, .info.station = "room-1", .server = "a"};
+    size += put_item(&item, bytes + size, LIVE_ITEM_MAX);
+    item = (arthron_Live){.which_message = arthron_Live_moment_tag};
+    item.message.moment = (arthron_Moment){.station_number = 2, .step = 9};
+    size += put_item(&item, bytes + size, LIVE_ITEM_MAX);
+    item = (arthron_Live){.which_message = arthron_Live_attempt_tag};
+    item.message.attempt = (arthron_AttemptState){.number = 1, .task = "probe"};
+    size += put_item(&item, bytes + size, LIVE_ITEM_MAX);
+    item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
+    item.message.trouble =
+        (arthron_Trouble){.has_why = true, .why.code = arthron_Why_Code_NOT_HERE};
+    size += put_item(&item, bytes + size, LIVE_ITEM_MAX);
+    seed("passing", "wall", bytes, size);
+    item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
+    arthron_CommandReply *reply = &item.message.command_reply;
+    reply->sessions_count = 1;
+    reply->sessions[0] = (arthron_SessionInfo){.station = "room-1", .server = "b:4810"};
+    size = put_item(&item, bytes, LIVE_ITEM_MAX);
+    reply->sessions[0].server[0] = '\0';
+    size += put_item(&item, bytes + size, LIVE_ITEM_MAX);
+    seed("passing", "lists", bytes, size);
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         fprintf(stderr, "usage: %s FOLDER\n", argv[0]);
@@ -770,5 +807,6 @@ int main(int argc, char **argv) {
     handles();
     cuts();
     sealed_files();
+    batches();
     return 0;
 }

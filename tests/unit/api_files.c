@@ -70,6 +70,7 @@ struct store *api_store(void) {
 static void put_session(struct store *store, const char *id, const char *trainee,
                         const char *case_name, int number) {
     struct store_session s = {.case_hash = 7,
+                              .part = 1,
                               .start_utc_ns = (1000 + number) * 1000000000LL,
                               .end_utc_ns = (1060 + number) * 1000000000LL,
                               .state = STATE_CLOSED,
@@ -174,11 +175,31 @@ static enum result compute_hands(void *user, int task, int knee_case, uint8_t **
     return RESULT_OK;
 }
 
+static void figures(void *user, bool openmetrics, FILE *file) {
+    (void)user;
+    fputs(openmetrics ? "open" : "plain", file);
+}
+
+static bool lives(void *user, char why[API_WHY_MAX]) {
+    (void)user, (void)why;
+    return true;
+}
+
+static bool is_ready(void *user, char why[API_WHY_MAX]) {
+    (void)user;
+    snprintf(why, API_WHY_MAX, "it is not");
+    return false;
+}
+
+const struct api_cluster *api_cluster;
+bool api_passed_on;
+
 void api_restart(void) {
     static const char link[] = "https://server.example.org:4880/";
     const struct api_config config = {
-        records, keys,        link,  cases, 2,    stations,      2,    report,       4810,
-        NULL,    api_checker, tasks, 2,     obey, take_released, NULL, compute_hands};
+        records,       keys, link,          cases,       2,       stations, 2,
+        report,        4810, NULL,          api_checker, tasks,   2,        obey,
+        take_released, NULL, compute_hands, api_cluster, figures, lives,    is_ready};
     api_destroy(&the_api);
     assert_ok(api_create(&config, &the_api, &err));
 }
@@ -278,9 +299,15 @@ int ask_from(const char *address, const char *method, const char *path, const ch
                                         .token = token,
                                         .by_cookie = true,
                                         .device = device,
+                                        .is_passed_on = api_passed_on,
                                         .address = address};
     struct web_response made = {0};
     api_answer(the_api, &request, &made);
+    if (made.later) {
+        struct web_response later = {0};
+        made.later(made.later_data, &later);
+        made = later;
+    }
     forget_answer(); // also what was asked meanwhile
     answer = made;
     if (answer.body && !answer.type[0]) {

@@ -43,6 +43,11 @@ extern int api_rehearsed;
 extern bool api_rehearse_fails; // in a way that may pass
 extern void (*api_on_rehearse)(void);
 
+// The other servers; NULL: there are none.
+extern const struct api_cluster *api_cluster;
+
+extern bool api_passed_on; // what is asked, by another server
+
 // The attempts of exams that were released.
 extern int api_released;
 

@@ -144,7 +144,7 @@ static void a_removed_session_is_gone_with_results_and_trace(void **state) {
 static void an_open_session_and_one_whose_trace_stays_are_kept(void **state) {
     (void)state;
     struct store *store = api_store();
-    struct store_session s = {.start_utc_ns = 1, .state = STATE_OPEN, .case_hash = 7};
+    struct store_session s = {.start_utc_ns = 1, .part = 1, .state = STATE_OPEN, .case_hash = 7};
     snprintf(s.id, sizeof s.id, "%032d", 4);
     snprintf(s.station, sizeof s.station, "room-2");
     snprintf(s.case_name, sizeof s.case_name, "torn");

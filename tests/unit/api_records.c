@@ -188,7 +188,7 @@ static void a_report_is_beside_a_course_of_ones_own(void **state) {
 static void put_sessions(int count) {
     struct store *store = api_store();
     for (int i = 0; i < count; i++) {
-        struct store_session s = {.start_utc_ns = 1, .state = STATE_CLOSED};
+        struct store_session s = {.start_utc_ns = 1, .part = 1, .state = STATE_CLOSED};
         struct store_result result = {"path", "probe", 1, "mm", (i * 7) % count, ""};
         snprintf(s.id, sizeof s.id, "%032x", 0x1000 + i);
         snprintf(s.station, sizeof s.station, "room-1");
@@ -236,7 +236,7 @@ static void a_trainee_sees_distributions_of_their_own_courses(void **state) {
 // A session of this person on the case many; its one figure is its number.
 static void put_session_of(const char *trainee, int number) {
     struct store *store = api_store();
-    struct store_session s = {.start_utc_ns = 1, .state = STATE_CLOSED};
+    struct store_session s = {.start_utc_ns = 1, .part = 1, .state = STATE_CLOSED};
     struct store_result result = {"path", "probe", 1, "mm", number, ""};
     snprintf(s.id, sizeof s.id, "%032x", 0x2000 + number);
     snprintf(s.station, sizeof s.station, "room-1");

@@ -44,6 +44,7 @@ static const struct {
     {"POST", "/courses/autumn/trainees", "i"},
     {"DELETE", "/courses/none/trainees/ada", "i"},
     {"GET", "/server", "itoc"},
+    {"GET", "/servers", "it"},
     {"GET", "/stations", "it"},
     {"POST", "/stations/none/code", "it"},
     {"POST", "/stations/none/revoke", "it"},
@@ -54,6 +55,9 @@ static const struct {
     {"GET", "/cases/healthy/case.json", "itoc"},
     {"GET", "/cases/healthy/anatomy.glb", "itoc"},
     {"GET", "/cases/healthy/check.json", "itoc"},
+    {"GET", "/peer/cases?hash=0", ""},
+    {"GET", "/peer/cases/case.json?hash=0", ""},
+    {"POST", "/peer/revocations", ""},
     {"GET", "/sessions", "ioc"},
     {"GET", "/sessions/" SESSION_ADA, "ioc"},
     {"DELETE", "/sessions/none", "i"},
@@ -86,6 +90,9 @@ static const struct {
     {"POST", "/exams/7/begin", "i"},
     {"POST", "/exams/7/interventions", "i"},
     {"POST", "/exams/7/release", "i"},
+    {"GET", "/metrics", "it"},
+    {"GET", "/healthz", "itoc-"},
+    {"GET", "/readyz", "itoc-"},
 };
 #define RULES (int)(sizeof rules / sizeof *rules)
 

@@ -252,7 +252,8 @@ static void a_curve_says_when_its_attempts_show_competence(void **state) {
 static void five_in(const char *course, int from, const double times[5]) {
     struct store *store = api_store();
     for (int i = 0; i < 5; i++) {
-        struct store_session s = {.case_hash = 7, .start_utc_ns = 1, .state = STATE_CLOSED};
+        struct store_session s = {
+            .case_hash = 7, .start_utc_ns = 1, .part = 1, .state = STATE_CLOSED};
         snprintf(s.id, sizeof s.id, "%032x", from + i);
         snprintf(s.station, sizeof s.station, "room-1");
         snprintf(s.case_name, sizeof s.case_name, "healthy");

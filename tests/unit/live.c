@@ -340,13 +340,13 @@ static void a_page_is_rung_for_what_it_waits_for(void **state) {
     struct sessions *sessions = hall_open();
     struct live_server *live = open_live(sessions);
     struct page page;
-    live_server_on_news(live, ring, NULL);
+    live_server_on_news(live, ring, NULL, NULL);
     open_page(&page, live, &instructor);
     command(&page, arthron_Command_Kind_LIST, "");
     for (int i = 0; i < 2000 && !atomic_load(&rung); i++)
         hall_wait_ms(1);
     assert_int_equal(atomic_load(&rung), 1);
-    live_server_on_news(live, NULL, NULL);
+    live_server_on_news(live, NULL, NULL, NULL);
     command(&page, arthron_Command_Kind_LIST, "");
     draw_until(&page, &page.replies, 2);
     assert_int_equal(atomic_load(&rung), 1);
@@ -378,7 +378,7 @@ static void a_page_that_asks_for_meshes_without_end_waits(void **state) {
     draw_until(&greedy, &greedy.payloads, 1);
     draw_until(&greedy, &greedy.resections, 1);
     atomic_store(&rung, 0);
-    live_server_on_news(live, ring, NULL);
+    live_server_on_news(live, ring, NULL, NULL);
     for (int i = 0; i < TIMES; i++)
         ask_for_meshes(&greedy);
     hall_wait_ms(50);

@@ -16,7 +16,7 @@ const struct live_account trainee = {.name = "anna", .role = "trainee", .trainee
 // ---- a page -------------------------------------------------------------------------------------
 
 void open_page(struct page *page, struct live_server *live, const struct live_account *account) {
-    *page = (struct page){.live = live, .viewer = live_server_join(live, account)};
+    *page = (struct page){.live = live, .viewer = live_server_join(live, account, "")};
     assert_non_null(page->viewer);
 }
 

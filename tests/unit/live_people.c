@@ -248,17 +248,17 @@ static void nobody_takes_all_places(void **state) {
     struct live_account by_code = {.name = "anna", .role = "trainee", .trainee = "anna"},
                         by_account = {.name = "anna.a", .role = "trainee", .trainee = "anna"};
     for (int i = 0; i < LIVE_VIEWERS_OF_TRAINEE; i++)
-        assert_non_null(live_server_join(live, i % 2 ? &by_code : &by_account));
-    assert_null(live_server_join(live, &by_code));
-    assert_null(live_server_join(live, &by_account));
+        assert_non_null(live_server_join(live, i % 2 ? &by_code : &by_account, ""));
+    assert_null(live_server_join(live, &by_code, ""));
+    assert_null(live_server_join(live, &by_account, ""));
     int joined = LIVE_VIEWERS_OF_TRAINEE;
     for (int number = 0; number < LIVE_VIEWERS_MAX; number++) {
         struct live_account account = trainee_number(number);
-        joined += live_server_join(live, &account) != NULL;
+        joined += live_server_join(live, &account, "") != NULL;
     }
     assert_int_equal(joined, LIVE_VIEWERS_OF_TRAINEES);
     joined = 0;
-    while (live_server_join(live, &instructor))
+    while (live_server_join(live, &instructor, ""))
         joined++;
     assert_int_equal(joined, LIVE_VIEWERS_MAX - LIVE_VIEWERS_OF_TRAINEES);
     live_server_destroy(&live);
@@ -271,11 +271,11 @@ static void an_instructors_pages_leave_places_for_others(void **state) {
     struct live_server *live = open_live(sessions);
     struct viewer *last = NULL;
     for (int i = 0; i < LIVE_VIEWERS_OF_STAFF; i++)
-        assert_non_null(last = live_server_join(live, &instructor));
-    assert_null(live_server_join(live, &instructor));
-    assert_non_null(live_server_join(live, &technician));
+        assert_non_null(last = live_server_join(live, &instructor, ""));
+    assert_null(live_server_join(live, &instructor, ""));
+    assert_non_null(live_server_join(live, &technician, ""));
     live_server_leave(live, last);
-    assert_non_null(live_server_join(live, &instructor));
+    assert_non_null(live_server_join(live, &instructor, ""));
     live_server_destroy(&live);
     sessions_destroy(&sessions);
 }

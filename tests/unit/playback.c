@@ -144,7 +144,7 @@ static void draw_to_the_end(struct page *page) {
 
 static void open_page(struct page *page, struct live_server *live,
                       const struct live_account *account) {
-    *page = (struct page){.live = live, .viewer = live_server_join(live, account)};
+    *page = (struct page){.live = live, .viewer = live_server_join(live, account, "")};
     assert_non_null(page->viewer);
 }
 
@@ -208,7 +208,7 @@ static void messages_that_wait_for_a_page_are_bounded_and_not_lost(void **state)
     struct page page;
     record(sessions, 0, 0);
     atomic_store(&rung, 0);
-    live_server_on_news(live, ring, NULL);
+    live_server_on_news(live, ring, NULL, NULL);
     watch(&page, live, "");
     int waiting = settled(); // nobody draws
     draw_to_the_end(&page);

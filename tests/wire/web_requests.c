@@ -162,6 +162,70 @@ static void a_slow_answer_holds_up_no_page_and_may_find_nobody(void **state) {
     browser_close(browser);
 }
 
+enum { LATER = 2 * WEB_LATER_THREADS };
+
+static void what_waits_for_others_holds_up_nobody_and_may_find_nobody(void **state) {
+    (void)state;
+    struct browser *waits[LATER];
+    atomic_store(&reception.blocks, true);
+    for (int i = 0; i < LATER; i++) {
+        waits[i] = call();
+        say(waits[i], "GET /api/v1/later HTTP/1.1\r\n" TO_US "Range: bytes=5-14\r\n\r\n");
+    }
+    assert_true(reception_wait(&reception.later, WEB_LATER_THREADS));
+    struct browser *browser = call();
+    expect_echo(browser_ask(browser, "GET /api/v1/a", ""), "GET|/api/v1/a||-|0|127.0.0.1|");
+    assert_int_equal(atomic_load(&reception.later), WEB_LATER_THREADS);
+    browser_close(waits[0]);
+    browser_close(waits[LATER - 1]);
+    atomic_store(&reception.blocks, false);
+    for (int i = 1; i < LATER - 1; i++) {
+        struct answered a = browser_hear(waits[i], false);
+        assert_int_equal(a.status, 206);
+        expect_header(&a, "Content-Range", "bytes 5-14/100");
+        expect_header(&a, "Content-Length", "10");
+        assert_string_equal(a.body, "0123456789");
+        free(a.body);
+        browser_close(waits[i]);
+    }
+    assert_true(reception_wait(&reception.released, LATER));
+    browser_close(browser);
+}
+
+static void an_end_releases_what_still_waits(void **state) {
+    (void)state;
+    struct browser *waits[LATER];
+    atomic_store(&reception.blocks, true);
+    for (int i = 0; i < LATER; i++) {
+        waits[i] = call();
+        say(waits[i], "GET /api/v1/later HTTP/1.1\r\n" TO_US "\r\n");
+    }
+    assert_true(reception_wait(&reception.requests, LATER));
+    assert_true(reception_wait(&reception.later, WEB_LATER_THREADS));
+    atomic_store(&reception.blocks, false);
+    web_destroy(&reception.web);
+    assert_int_equal(atomic_load(&reception.released), LATER);
+    for (int i = 0; i < LATER; i++)
+        browser_close(waits[i]);
+}
+
+static void who_passes_a_request_on_says_so(void **state) {
+    (void)state;
+    static const struct {
+        const char *headers, *told;
+    } rows[] = {{"", "0|-|-"},
+                {"Via: 1.1 proxy.example\r\n", "0|-|-"},
+                {"Via: 1.1 " WEB_VIA "\r\nRange: bytes=1-\r\n", "1|bytes=1-|-"},
+                {"Via: 1.1 a, 1.1 " WEB_VIA "\r\nIf-Range: \"x\"\r\n", "1|-|\"x\""}};
+    struct browser *browser = call();
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct answered a = browser_ask(browser, "GET /api/v1/via", rows[i].headers);
+        assert_string_equal(a.body, rows[i].told);
+        free(a.body);
+    }
+    browser_close(browser);
+}
+
 // ---- files --------------------------------------------------------------------------------------
 
 static void expect_part(struct answered a, int from, int to) {
@@ -470,6 +534,12 @@ int main(void) {
                                         reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(a_slow_answer_holds_up_no_page_and_may_find_nobody,
                                         reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(what_waits_for_others_holds_up_nobody_and_may_find_nobody,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(an_end_releases_what_still_waits, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(who_passes_a_request_on_says_so, reception_begin,
+                                        reception_end),
         cmocka_unit_test_setup_teardown(a_file_comes_whole_or_in_part, reception_begin,
                                         reception_end),
         cmocka_unit_test_setup_teardown(a_file_is_packed_once_until_it_changes, reception_begin,

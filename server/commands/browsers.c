@@ -2,8 +2,10 @@
 
 #include "api/api.h"
 #include "base/check.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "commands/rehearse.h"
+#include "commands/watched.h"
 #include "live/live.h"
 #include "review/page.h"
 #include "store/exams.h"
@@ -25,9 +27,12 @@ struct browsers {
     struct api_station *stations;
     char link[LINK_MAX];
     const char *records;
+    struct api_cluster cluster;
     struct api *api;
     struct live_server *live;
+    struct relays *relays; // NULL: this server is alone
     struct web *web;
+    struct watched watched;
 };
 
 // ---- what the web room asks ---------------------------------------------------------------------
@@ -48,12 +53,18 @@ _Static_assert(sizeof(struct live_account) == offsetof(struct web_account, keeps
                    LIVE_VIEWERS_MAX == WEB_VIEWERS_MAX && LIVE_BATCH_MAX == WEB_BATCH_MAX,
                "web and live mean the same");
 
-static void *on_viewer(void *user, const struct web_account *account) {
+static enum result on_start(void *user, struct lws_context *context, int outgoing,
+                            struct error *err) {
+    const struct browsers *b = user;
+    return b->relays ? relays_begin(b->relays, context, outgoing, err) : RESULT_OK;
+}
+
+static void *on_viewer(void *user, const struct web_account *account, const char *token) {
     struct live_account viewer_account;
     memcpy(viewer_account.name, account->name, sizeof viewer_account.name);
     memcpy(viewer_account.role, account->role, sizeof viewer_account.role);
     memcpy(viewer_account.trainee, account->trainee, sizeof viewer_account.trainee);
-    return live_server_join(((struct browsers *)user)->live, &viewer_account);
+    return live_server_join(((struct browsers *)user)->live, &viewer_account, token);
 }
 
 static bool on_page(void *user, void *viewer, const arthron_Page *message) {
@@ -75,21 +86,29 @@ static void ring(void *user) {
     web_wake(user);
 }
 
+static void ring_one(void *user, struct viewer *viewer) {
+    web_wake_viewer(user, viewer);
+}
+
 // ---- what the live server asks ------------------------------------------------------------------
 
 struct ownership {
     const struct live_account *viewer_account;
     bool is_own, is_others; // neither: it is nobody's
+    char trace[STORE_TEXT_MAX];
 };
 
 static void take_row(void *user, const struct store_cell *cells, int count) {
     struct ownership *o = user;
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < count; i++) {
+        if (!strcmp(cells[i].column, "trace") && cells[i].kind == STORE_TEXT)
+            snprintf(o->trace, sizeof o->trace, "%s", cells[i].text);
         if (!strcmp(cells[i].column, "trainee") && cells[i].kind == STORE_TEXT) {
             o->is_own =
                 o->viewer_account->trainee[0] && !strcmp(cells[i].text, o->viewer_account->trainee);
             o->is_others = !o->is_own;
         }
+    }
 }
 
 // Instructors see all recorded sessions, trainees their own, except those with an exam that was not
@@ -108,7 +127,10 @@ static bool allowed(void *user, const struct live_account *viewer_account, const
     store_close(&store);
     if (is_instructor && ownership.is_others)
         api_note_reading(b->api, viewer_account->name, session);
-    return is_instructor || (ownership.is_own && !withheld);
+    bool may = is_instructor || (ownership.is_own && !withheld);
+    if (may)
+        retention_asked(ownership.trace);
+    return may;
 }
 
 // Where the records do not say it, nobody learns the name.
@@ -221,6 +243,18 @@ static struct api_case case_of(struct browsers *b, struct sessions *sessions, in
                              why->text};
 }
 
+static void tell_self(void *cluster, struct cluster_peer *out) {
+    cluster_self(cluster, out);
+}
+
+static int list_peers(void *cluster, struct cluster_peer *out, int room) {
+    return cluster_peers(cluster, out, room);
+}
+
+static void find_server(void *cluster, int station, char out_name[SERVER_NAME_SIZE]) {
+    cluster_server_name(cluster, station, out_name);
+}
+
 static enum result open_api(struct browsers *b, struct sessions *sessions, struct error *err) {
     const struct sessions_config *served = sessions_config(sessions);
     for (int i = 0; i < served->case_count; i++)
@@ -231,7 +265,11 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
         b->stations[i] = (struct api_station){station->name, station->case_name, station->trainee,
                                               station->start_by_command};
     }
+    struct cluster *cluster = sessions_cluster(sessions);
+    b->cluster =
+        (struct api_cluster){cluster, tell_self, list_peers, find_server, served->traces_dir};
     const struct api_config config = {
+        .cluster = cluster ? &b->cluster : NULL,
         .records = served->records,
         .keys_dir = served->keys_dir,
         .link = b->link,
@@ -249,8 +287,14 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
         .port = served->port,
         .tasks = library_tasks(sessions_tasks(sessions)),
         .task_count = library_count(sessions_tasks(sessions)),
+        .write_figures = watched_write,
+        .lives = watched_lives,
+        .is_ready = watched_is_ready,
+        .watch_user = &b->watched,
     };
-    return api_create(&config, &b->api, err);
+    enum result result = api_create(&config, &b->api, err);
+    b->watched = (struct watched){sessions, b->api, &b->web, clock_now_ns()};
+    return result;
 }
 
 static enum result open_web(struct browsers *b, const struct web_settings *settings,
@@ -264,6 +308,7 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
         .on_page = on_page,
         .on_batch = on_batch,
         .on_left = on_left,
+        .on_start = on_start,
     };
     struct web_config config = {
         .address = settings->address[0] ? settings->address : NULL,
@@ -271,30 +316,42 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
         .certificate = settings->certificate,
         .key = settings->key,
         .pages = web_pages_built_in,
+        .outgoing = b->relays ? RELAYS_MAX : 0,
     };
     for (int i = 0; i < SERVER_NAMES_MAX && settings->names[i][0]; i++)
         config.names[i] = settings->names[i];
     return web_create(&config, &handler, &b->web, err);
 }
 
-static void open_live(struct browsers *b, struct sessions *sessions) {
-    const struct live_config config = {
-        .user = b, .allowed = allowed, .is_blind = is_blind, .each_blind = each_blind_pair};
+static enum result open_live(struct browsers *b, struct sessions *sessions, struct error *err) {
+    const struct sessions_config *served = sessions_config(sessions);
+    char authority[SESSIONS_PATH_MAX + 16];
+    enum result result = RESULT_OK;
+    snprintf(authority, sizeof authority, "%s/authority.pem", served->keys_dir);
+    if (served->cluster.jet.name[0])
+        result = relays_create(authority, &b->relays, err);
+    const struct live_config config = {.user = b,
+                                       .allowed = allowed,
+                                       .is_blind = is_blind,
+                                       .each_blind = each_blind_pair,
+                                       .relays = b->relays};
     b->live = live_server_create(sessions, &config);
+    return result;
 }
 
 enum result browsers_create(const struct server_config *config, struct sessions *sessions,
                             struct browsers **out_browsers, struct error *err) {
     struct browsers *b = alloc(1, sizeof *b);
     b->records = config->sessions.records;
-    open_live(b, sessions);
-    enum result result = make_link(&config->web, b->link, err);
+    enum result result = open_live(b, sessions, err);
+    if (result == RESULT_OK)
+        result = make_link(&config->web, b->link, err);
     if (result == RESULT_OK)
         result = open_api(b, sessions, err);
     if (result == RESULT_OK)
         result = open_web(b, &config->web, err);
     if (result == RESULT_OK)
-        live_server_on_news(b->live, ring, b->web);
+        live_server_on_news(b->live, ring, ring_one, b->web);
     if (result == RESULT_OK)
         log_info("server", "browsers are served at %s", b->link);
     else
@@ -307,11 +364,14 @@ void browsers_destroy(struct browsers **browsers) {
     struct browsers *b = *browsers;
     if (!b)
         return;
-    live_server_on_news(b->live, NULL, NULL);
+    live_server_on_news(b->live, NULL, NULL, NULL);
     rehearse_break_off();
+    if (b->api)
+        api_break_off(b->api);
     if (b->web)
         web_destroy(&b->web);
     live_server_destroy(&b->live);
+    relays_destroy(&b->relays);
     api_destroy(&b->api);
     free(b->stations);
     free(b);

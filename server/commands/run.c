@@ -5,11 +5,13 @@
 #include "commands/browsers.h"
 #include "commands/commands.h"
 #include "commands/known_stations.h"
+#include "commands/pinned_cases.h"
 #include "commands/read_case.h"
 #include "config/config.h"
 #include "net/authority.h"
 #include "sessions/resources.h"
 #include "sessions/sessions.h"
+#include "watch/log_json.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -38,6 +40,7 @@ static const char help[] =
     "      --bench-field NAME       for benches alone: gaussian, inverse-distance or smooth, with "
     "which\n"
     "                               the shown tip jumps\n"
+    "      --log json               log objects of JSON, one a line\n"
     "  -v, --verbose                log more\n"
     "      --help                   show this\n";
 
@@ -85,7 +88,9 @@ static int serve_until_end(const struct server_config *config) {
     struct sessions *sessions;
     struct browsers *browsers = NULL;
     struct error err;
-    enum result result = sessions_create(&config->sessions, &ends, &sessions, &err);
+    enum result result = pinned_cases_settle(&config->sessions, &err);
+    if (result == RESULT_OK)
+        result = sessions_create(&config->sessions, &ends, &sessions, &err);
     if (result == RESULT_OK && config->web.port) {
         result = browsers_create(config, sessions, &browsers, &err);
         if (result != RESULT_OK) // the next start goes on with those that were resumed
@@ -202,12 +207,18 @@ static int serve(const struct request *request) {
 
 static int take_option(int option, struct request *out) {
     static const char *const fields[] = {"gaussian", "inverse-distance", "smooth", NULL};
+    static const char *const logs[] = {"json", NULL};
     switch (option) {
     case 'c':
         out->path = optarg;
         return 0;
     case 'v':
         log_set_level(LOG_DEBUG);
+        return 0;
+    case 'l':
+        if (strcmp(optarg, logs[0]) != 0)
+            return argument_unknown(program, "--log", optarg, logs);
+        log_as_json();
         return 0;
     case 'b':
         if (!field_from_name(optarg, &out->field) || out->field == FIELD_INTEGRAL)
@@ -229,6 +240,7 @@ int command_run(int argc, char **argv) {
         {"config", required_argument, NULL, 'c'},
         {"set", required_argument, NULL, 's'},
         {"bench-field", required_argument, NULL, 'b'},
+        {"log", required_argument, NULL, 'l'},
         {"verbose", no_argument, NULL, 'v'},
         {"help", no_argument, NULL, 'h'},
         {0},

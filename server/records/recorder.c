@@ -155,6 +155,17 @@ static bool should_stop(struct recorder *r) {
     return stop;
 }
 
+int recorder_waiting(struct recorder *r) {
+    int count = 0;
+    if (!r)
+        return 0;
+    pthread_mutex_lock(&r->mutex);
+    for (const struct waiting *w = r->waiting.first; w; w = w->next)
+        count++;
+    pthread_mutex_unlock(&r->mutex);
+    return count;
+}
+
 // ---- writing ------------------------------------------------------------------------------------
 
 static void tell_failure(struct recorder *r, const struct error *err) {

@@ -54,6 +54,9 @@ void recorder_attempt(struct recorder *recorder, const struct attempt_row *attem
 void recorder_note(struct recorder *recorder, const char *actor, const char *action,
                    const char *subject);
 
+// How much waits for the records. Any thread. recorder NULL: nothing.
+int recorder_waiting(struct recorder *recorder);
+
 // For need_before_end (base/check.h): leaves the audit entries that wait to the next start. One
 // that is just being written may be there twice then.
 void recorder_write_last(struct recorder *recorder);

@@ -27,6 +27,7 @@ void session_row_begin(const struct trace_header *header, const char *trace,
         .case_hash = header->case_hash,
         .start_utc_ns = header->start_utc_ns,
         .state = STATE_OPEN,
+        .part = header->part ? header->part : 1,
     };
     trace_id_text(header->session_id, out->id);
     snprintf(out->station, sizeof out->station, "%s", header->station);

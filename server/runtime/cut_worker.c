@@ -138,7 +138,10 @@ static void show_result(struct cut_worker *c, int station, const struct job_resu
 static void run(struct cut_worker *c, const struct cut_task *task) {
     struct session_runtime *session = cut_station(c, task->station)->session;
     CHECK(session && session->serial == task->serial);
+    int64_t begun_ns = clock_now_ns();
     struct job_result *result = operation_run(session->operation, task->job);
+    if (result->kind == JOB_CUT)
+        latency_add(&c->worker->cuts, clock_now_ns() - begun_ns);
     session_make_room(session->session, result);
     bool is_undo = result->kind == JOB_UNDO;
     if (!is_undo)
@@ -290,6 +293,11 @@ static void *work(void *argument) {
 
 struct progress *cut_worker_progress(struct cut_worker *c) {
     return &c->progress;
+}
+
+void cut_worker_waiting(const struct cut_worker *c, size_t *jobs, size_t *mesh_requests) {
+    *jobs += ring_count(c->tasks);
+    *mesh_requests += ring_count(c->mesh_requests);
 }
 
 struct cut_worker *cut_worker_create(struct worker *worker) {

@@ -40,5 +40,7 @@ void cut_worker_leave(struct cut_worker *cut_worker, int station);
 // The thread of the pages. The request's mailbox is the cut worker's from then on; false: no room,
 // and the mailbox is still the caller's.
 bool cut_worker_mesh_request(struct cut_worker *cut_worker, const struct mesh_request *request);
+// Any thread: adds what waits.
+void cut_worker_waiting(const struct cut_worker *cut_worker, size_t *jobs, size_t *mesh_requests);
 // The owner of the sessions: NOTICE_OPENED, NOTICE_ENDED; false where there is none.
 bool cut_worker_next_notice(struct cut_worker *cut_worker, struct runtime_notice *out_notice);

@@ -50,7 +50,7 @@ static void watch_drift(const struct worker *worker, struct station_runtime *sta
 // ---- one frame ----------------------------------------------------------------------------------
 
 static void count_lost(struct station_runtime *station, uint64_t lost) {
-    count(&station->counts.frames_lost, lost);
+    count_frames(&station->counts, &station->counts.frames_lost, FATE_LOST, lost);
     station->frames_lost += (uint32_t)lost;
 }
 
@@ -58,7 +58,7 @@ static void count_lost(struct station_runtime *station, uint64_t lost) {
 static bool is_in_share(struct station_runtime *station, int64_t received_ns) {
     if (fair_share_take(&station->share, received_ns))
         return true;
-    count(&station->counts.frames_excess, 1);
+    count_frames(&station->counts, &station->counts.frames_excess, FATE_EXCESS, 1);
     atomic_store_explicit(&station->counts.slowed_ns[SLOWED_FRAMES], received_ns,
                           memory_order_relaxed);
     return false;
@@ -75,7 +75,7 @@ static bool may_be_taken(const struct worker *worker, const struct station_runti
 static bool accept_frame(struct worker *worker, struct station_runtime *station,
                          struct frame *frame, int64_t received_ns, bool in_share) {
     if (!station->connection.clock_known || !station->session) {
-        count(&station->counts.frames_early, 1);
+        count_frames(&station->counts, &station->counts.frames_early, FATE_EARLY, 1);
         return false;
     }
     uint64_t lost;
@@ -90,16 +90,16 @@ static bool accept_frame(struct worker *worker, struct station_runtime *station,
         late_frames_merge(&station->late, frame, worker->runtime->config.hold_ns);
         return true;
     case FRAME_LATE:
-        count(&station->counts.frames_late, 1);
+        count_frames(&station->counts, &station->counts.frames_late, FATE_LATE, 1);
         station->frames_late++;
         if (in_share)
             late_frames_keep(&station->late, frame);
         return false;
     case FRAME_OLD:
-        count(&station->counts.frames_old, 1);
+        count_frames(&station->counts, &station->counts.frames_old, FATE_OLD, 1);
         return false;
     case FRAME_WRONG:
-        count(&station->counts.frames_invalid, 1);
+        count_frames(&station->counts, &station->counts.frames_invalid, FATE_INVALID, 1);
         return false;
     }
     return false;
@@ -153,7 +153,7 @@ static bool is_copy(const struct station_runtime *station, const struct frame *f
 static void answer_copy(struct worker *worker, struct station_runtime *station,
                         enum reply_path path) {
     if (station->copied == station->reply.frame_number) {
-        count(&station->counts.frames_old, 1);
+        count_frames(&station->counts, &station->counts.frames_old, FATE_OLD, 1);
         return;
     }
     station->copied = station->reply.frame_number;
@@ -207,11 +207,13 @@ static void take_frame(struct worker *worker, struct station_runtime *station, e
     onto_session_clock(&input.frame, offset_of(station, frame, received_ns) + ahead_ns);
     station->last_frame_ns = received_ns;
     step_input(worker, station, &input, &output);
+    count(&station->counts.fates[FATE_TAKEN], 1);
     watch_drift(worker, station, &output);
     reply_from_output(&output, knee, frame->number, frame->time_ns, &station->reply);
     take_events(station);
     tell_frames(station);
     answer(worker, station, path);
+    latency_add(&worker->answers, clock_now_ns() - received_ns);
 }
 
 // ---- both paths ---------------------------------------------------------------------------------
@@ -240,7 +242,7 @@ static void take_datagram(struct worker *worker, struct datagram_in *datagram) {
     if (datagram->is_valid)
         take_frame(worker, station, PATH_DATAGRAM, &datagram->frame, datagram->received_ns);
     else
-        count(&station->counts.frames_invalid, 1);
+        count_frames(&station->counts, &station->counts.frames_invalid, FATE_INVALID, 1);
 }
 
 static int take_batch(struct worker *worker) {

@@ -121,6 +121,7 @@ struct station_runtime {
 
 enum request_kind {
     REQUEST_ATTACH,
+    REQUEST_KEEP,
     REQUEST_HAND_OVER,
     REQUEST_INPUT,
     REQUEST_REMARK,
@@ -132,7 +133,7 @@ enum request_kind {
 struct worker_request {
     enum request_kind kind;
     int station;
-    uint64_t ticket; // all but REQUEST_ATTACH and REQUEST_HAND_OVER
+    uint64_t ticket; // all but REQUEST_ATTACH to REQUEST_HAND_OVER
     union {
         struct session_runtime *session; // REQUEST_ATTACH
         enum input_kind input;           // REQUEST_INPUT
@@ -169,6 +170,8 @@ struct worker {
     struct {
         atomic_uint_fast64_t strangers, forged, replayed, malformed, too_long;
     } counts;
+    struct latency steps, answers, cuts; // as of runtime_figures; cuts: by the cut worker
+    atomic_uint_fast64_t cuts_asked, cuts_landed[JOB_OUTCOME_COUNT];
 };
 
 struct runtime {
@@ -202,6 +205,13 @@ static inline int worker_station(const struct worker *worker, int place) {
 
 // The capacity of a ring with so much for each of the worker's stations, and at least so much.
 size_t worker_room(const struct runtime *runtime, int worker, size_t each, size_t least);
+
+// Counts frames for the session and for good.
+static inline void count_frames(struct station_counts *counts, atomic_uint_fast64_t *of_session,
+                                enum frame_fate fate, uint64_t by) {
+    atomic_fetch_add_explicit(of_session, by, memory_order_relaxed);
+    atomic_fetch_add_explicit(&counts->fates[fate], by, memory_order_relaxed);
+}
 
 // Wakes a thread that polls an eventfd.
 void wake_fd(int fd);

@@ -170,7 +170,7 @@ void runtime_frame(struct runtime *r, int station, const struct frame *frame, in
     if (ring_push(s->frames, &next))
         call(r, station);
     else
-        atomic_fetch_add_explicit(&s->counts.frames_excess, 1, memory_order_relaxed);
+        count_frames(&s->counts, &s->counts.frames_excess, FATE_EXCESS, 1);
     wake(r, station);
 }
 
@@ -202,6 +202,10 @@ void runtime_attach(struct runtime *r, int station, struct session_runtime *sess
     bool taken = request(r, &(struct worker_request){
                                 .kind = REQUEST_ATTACH, .station = station, .session = session});
     CHECK(taken);
+}
+
+bool runtime_keep(struct runtime *r, int station) {
+    return request(r, &(struct worker_request){.kind = REQUEST_KEEP, .station = station});
 }
 
 bool runtime_hand_over(struct runtime *r, int station) {
@@ -293,7 +297,8 @@ const struct station_counts *runtime_counts(const struct runtime *r, int station
 }
 
 void runtime_count_invalid_frame(struct runtime *r, int station) {
-    atomic_fetch_add_explicit(&r->stations[station].counts.frames_invalid, 1, memory_order_relaxed);
+    struct station_counts *counts = &r->stations[station].counts;
+    count_frames(counts, &counts->frames_invalid, FATE_INVALID, 1);
 }
 
 double runtime_take_warp_mm(struct runtime *r, int station) {
@@ -318,4 +323,26 @@ struct socket_counts runtime_socket_counts(const struct runtime *r) {
         sum.too_long += atomic_load(&w->counts.too_long);
     }
     return sum;
+}
+
+static void gather(const struct worker *w, struct runtime_figures *sum) {
+    latency_gather(&w->steps, &sum->steps);
+    latency_gather(&w->answers, &sum->answers);
+    latency_gather(&w->cuts, &sum->cuts);
+    sum->cuts_asked += atomic_load(&w->cuts_asked);
+    for (int i = 0; i < JOB_OUTCOME_COUNT; i++)
+        sum->cuts_landed[i] += atomic_load(&w->cuts_landed[i]);
+    sum->requests_waiting += ring_count(w->requests);
+    sum->notices_waiting += ring_count(w->notices);
+    cut_worker_waiting(w->cut_worker, &sum->jobs_waiting, &sum->mesh_requests_waiting);
+}
+
+void runtime_figures(const struct runtime *r, struct runtime_figures *out) {
+    *out = (struct runtime_figures){0};
+    for (int i = 0; i < r->worker_count; i++)
+        gather(&r->workers[i], out);
+}
+
+int64_t runtime_looked_ns(const struct runtime *r) {
+    return watchdog_looked_ns(r->watchdog);
 }

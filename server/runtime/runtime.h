@@ -47,6 +47,8 @@ void runtime_mesh_message(struct runtime *runtime, int station, struct control_p
 
 // The station must have no session. The runtime owns it until NOTICE_ENDED.
 void runtime_attach(struct runtime *runtime, int station, struct session_runtime *session);
+// Keeps the state of the station's session as soon as a step lets it. False as below.
+bool runtime_keep(struct runtime *runtime, int station);
 // Gives the station's session back open (NOTICE_ENDED, END_HANDED_OVER), with a cut that is on its
 // way not landed. Nothing happens if it has none. False if the worker has too much to do.
 bool runtime_hand_over(struct runtime *runtime, int station);
@@ -87,3 +89,6 @@ double runtime_take_warp_mm(struct runtime *runtime, int station);
 // The longest time without a frame since the last call, up to now.
 int64_t runtime_take_pause_ns(struct runtime *runtime, int station, int64_t now_ns);
 struct socket_counts runtime_socket_counts(const struct runtime *runtime);
+void runtime_figures(const struct runtime *runtime, struct runtime_figures *out_figures);
+// When the watchdog last found that no worker hangs; monotonic.
+int64_t runtime_looked_ns(const struct runtime *runtime);

@@ -108,6 +108,8 @@ static void order_job(struct worker *worker, struct station_runtime *station,
     if (output->job.kind == JOB_UNDO)
         station->undo.job = output->job.id;
     station->job_given = output->job;
+    if (output->job.kind == JOB_CUT)
+        atomic_fetch_add_explicit(&worker->cuts_asked, 1, memory_order_relaxed);
     cut_worker_run(worker->cut_worker, station->index, station->session->serial,
                    &station->job_given);
 }
@@ -120,7 +122,9 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
     looks_by(worker->looks, worker_place(worker->runtime, station->index),
              input->time_ns - station->session->ahead_ns + EMPTY_STEP_NS);
     progress_note(&worker->progress, "compute a step", station->index);
+    int64_t begun_ns = clock_now_ns();
     session_step(station->session->session, input, output);
+    latency_add(&worker->steps, clock_now_ns() - begun_ns);
     progress_note(&worker->progress, "record a step", station->index);
     trace_append(station->session->trace, input, output);
     uint64_t end = trace_position(station->session->trace);
@@ -196,6 +200,8 @@ static void land(struct worker *worker, struct station_runtime *station,
     uint64_t session = station->session->serial;
     bool answers = station->undo.asked && station->undo.job == result->job;
     station->job = 0;
+    if (result->kind == JOB_CUT)
+        atomic_fetch_add_explicit(&worker->cuts_landed[result->outcome], 1, memory_order_relaxed);
     struct session_input input = {
         .kind = INPUT_JOB, .time_ns = step_now_ns(station), .job = result->job, .result = result};
     struct session_output output;

@@ -1,6 +1,7 @@
 // Types of the runtime's interface: configuration, sessions, counts, notices.
 #pragma once
 
+#include "base/latency.h"
 #include "metrics/metrics.h"
 #include "net/control.h"
 #include "runtime/devices.h"
@@ -107,8 +108,20 @@ struct session_marker {
     struct marker marker;
 };
 
+enum frame_fate {
+    FATE_TAKEN, // it made a step
+    FATE_LOST,
+    FATE_LATE,
+    FATE_OLD,
+    FATE_EARLY,
+    FATE_INVALID,
+    FATE_EXCESS,
+    FATE_COUNT
+};
+
 // Numbers that a station's worker publishes for any thread.
 struct station_counts {
+    atomic_uint_fast64_t fates[FATE_COUNT]; // of frames since the server's start
     atomic_uint_fast64_t steps;
     atomic_uint_fast64_t frames_lost;  // numbers that never came
     atomic_uint_fast64_t frames_late;  // behind a newer one: what they alone told was used
@@ -135,6 +148,15 @@ struct station_counts {
 // Datagrams that the workers' sockets dropped.
 struct socket_counts {
     uint64_t strangers, forged, replayed, malformed, too_long;
+};
+
+// What all workers have done since the server's start, and what waits for them now.
+struct runtime_figures {
+    struct latency_figures steps;   // the kernel's part
+    struct latency_figures answers; // from a frame's receipt until its answer was made
+    struct latency_figures cuts;    // a job of a cut, beside the steps
+    uint64_t cuts_asked, cuts_landed[JOB_OUTCOME_COUNT];
+    size_t requests_waiting, notices_waiting, jobs_waiting, mesh_requests_waiting;
 };
 
 // A session's tissues after their last jobs.

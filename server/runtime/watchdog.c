@@ -30,6 +30,7 @@ struct watchdog {
     const char *(*station_name)(const void *user, int station);
     const void *user;
     int64_t told_ns;
+    atomic_int_fast64_t looked_ns;
     int count;
     struct guarded guarded[];
 };
@@ -133,6 +134,7 @@ static void look_at_all(struct watchdog *w) {
         if (hangs(&w->guarded[i]))
             end_process(w, &w->guarded[i]);
     int64_t now_ns = clock_now_ns();
+    atomic_store(&w->looked_ns, now_ns);
     if (now_ns - w->told_ns < ALIVE_EVERY_NS)
         return;
     service_notify("WATCHDOG=1");
@@ -141,6 +143,7 @@ static void look_at_all(struct watchdog *w) {
 
 static void *keep_watch(void *argument) {
     struct watchdog *w = argument;
+    pthread_setname_np(pthread_self(), "watchdog");
     pthread_mutex_lock(&w->lock);
     while (!w->stop) {
         int64_t until_ns = clock_now_ns() + WATCHDOG_LOOK_NS;
@@ -160,6 +163,7 @@ struct watchdog *watchdog_create(const struct watched *watched, int count,
     w->station_name = station_name;
     w->user = user;
     w->count = count;
+    w->looked_ns = clock_now_ns();
     for (int i = 0; i < count; i++) {
         w->guarded[i] = (struct guarded){.watched = watched[i], .stat_fd = -1};
         snprintf(w->guarded[i].name, sizeof w->guarded[i].name, "%s", watched[i].name);
@@ -173,6 +177,10 @@ struct watchdog *watchdog_create(const struct watched *watched, int count,
     int failed = pthread_create(&w->thread, NULL, keep_watch, w);
     NEED(!failed, "thread");
     return w;
+}
+
+int64_t watchdog_looked_ns(const struct watchdog *w) {
+    return atomic_load(&w->looked_ns);
 }
 
 void watchdog_destroy(struct watchdog **watchdog) {

@@ -47,4 +47,6 @@ struct watched {
 struct watchdog *watchdog_create(const struct watched *watched, int count,
                                  const char *(*station_name)(const void *user, int station),
                                  const void *user);
+// When it last found that none hangs; monotonic. Any thread.
+int64_t watchdog_looked_ns(const struct watchdog *watchdog);
 void watchdog_destroy(struct watchdog **watchdog); // NULL inside is fine

@@ -158,6 +158,10 @@ static void take_request(struct worker *worker, const struct worker_request *req
         make_due(worker, worker_place(worker->runtime, station->index));
         return;
     }
+    if (request->kind == REQUEST_KEEP) {
+        keeping_begin_at_once(&station->keeping);
+        return;
+    }
     if (request->kind == REQUEST_HAND_OVER) {
         if (station->session)
             step_hand_over(worker, station);

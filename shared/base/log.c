@@ -37,6 +37,18 @@ void log_answered(void) {
     pthread_mutex_unlock(&lock);
 }
 
+// ---- one line -----------------------------------------------------------------------------------
+
+static void print_text(const struct log_line *line) {
+    fprintf(stderr, "%s %s %s: %s\n", line->when, line->level, line->room, line->text);
+}
+
+static void (*print_line)(const struct log_line *line) = print_text;
+
+void log_print_by(void (*print)(const struct log_line *line)) {
+    print_line = print;
+}
+
 // ---- too many lines -----------------------------------------------------------------------------
 
 #define KINDS_MAX 256
@@ -77,8 +89,10 @@ static void tell_left_out(const char *when, int64_t now_ns) {
         struct kind *kind = &kinds[i];
         if (!kind->left_out || now_ns - kind->left_out_ns < TOLD_NS)
             continue;
-        fprintf(stderr, "%s warning %s: %" PRIu64 " lines were left out like \"%s\"\n", when,
-                kind->room, kind->left_out, kind->format);
+        char text[256];
+        snprintf(text, sizeof text, "%" PRIu64 " lines were left out like \"%s\"", kind->left_out,
+                 kind->format);
+        print_line(&(struct log_line){when, "warning", kind->room, text});
         kind->left_out = 0;
     }
 }
@@ -92,8 +106,11 @@ void log_limit_lines(void) {
 // Under the lock.
 static void print(const char *when, const char *level, const char *room, const char *text) {
     bool shown_again = open_question[0] && isatty(STDERR_FILENO);
-    fprintf(stderr, "%s%s %s %s: %s\n%s", question_is_last ? "\n" : "", when, level, room, text,
-            shown_again ? open_question : "");
+    if (question_is_last)
+        fputc('\n', stderr);
+    print_line(&(struct log_line){when, level, room, text});
+    if (shown_again)
+        fputs(open_question, stderr);
     question_is_last = shown_again;
 }
 

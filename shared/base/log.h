@@ -9,6 +9,13 @@ enum log_level { LOG_ERROR, LOG_WARNING, LOG_INFO, LOG_DEBUG };
 // The lowest level that is printed; LOG_INFO at the start. Call it before other threads run.
 void log_set_level(enum log_level level);
 
+struct log_line {
+    const char *when, *level, *room, *text;
+};
+// Another form of lines, each of which `print` writes on stderr, one at a time. Call it before
+// other threads run.
+void log_print_by(void (*print)(const struct log_line *line));
+
 // For programs that run for long: of the lines of one kind (room and format) 200 are printed at
 // once and then 5 a second. Those left out are counted, and told later. Call it before other
 // threads run.

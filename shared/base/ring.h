@@ -14,7 +14,8 @@ void ring_destroy(struct ring **ring); // NULL inside is fine; *ring becomes NUL
 // Producer. Copies the item in; false when full.
 bool ring_push(struct ring *ring, const void *item);
 
-// Consumer. How many items there are: more may come meanwhile, none goes.
+// Consumer: how many items there are; more may come meanwhile, none goes. For other threads it is
+// an estimate.
 size_t ring_count(const struct ring *ring);
 
 // Consumer. Copies the oldest item out; false when empty.

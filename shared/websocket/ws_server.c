@@ -32,6 +32,7 @@ struct ws_server {
     SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
     int port;
     pthread_t thread;
+    const char *name; // of the thread: a literal
     atomic_bool woken, stopping;
     // The thread's.
     bool stops, out_of_time;
@@ -72,6 +73,7 @@ static void take_turn(struct ws_server *server) {
 static void *serve(void *argument) {
     struct ws_server *server = argument;
     const struct ws_server_handler *h = &server->handler;
+    pthread_setname_np(pthread_self(), server->name);
     look_again(&server->turn);
     while (!is_over(server)) {
         take_turn(server);
@@ -190,6 +192,7 @@ enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_
     struct lws_context_creation_info whole = *info;
     whole.fd_limit_per_thread = share_of_descriptors(info->fd_limit_per_thread);
     server->handler = *handler;
+    server->name = info->vhost_name;
     if (kind == WS_SERVER_TLS) {
         server->no_client = SSL_CTX_new(TLS_client_method());
         NEED(server->no_client, "memory");

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "folder.h"
 #include "test.h"
+#include "watch/log_json.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -79,9 +80,28 @@ lines_of_one_kind_are_few_those_left_out_are_counted_and_others_are_whole(void *
     assert_int_equal(times, 2);
 }
 
+static void a_line_is_one_json_object_whatever_it_has(void **state) {
+    (void)state;
+    begin();
+    log_as_json();
+    log_warning("sessions", "station room-1: a \"quote\", a \\, a\nline");
+    log_info("api", "caf\xc3\xa9");
+    log_info("api", "caf\xc3\xa9, and a cut one: \xc3");
+    fflush(stderr);
+    int one = count_lines("\"level\":\"warning\",\"room\":\"sessions\",\"station\":\"room-1\","
+                          "\"message\":\"station room-1: a \\\"quote\\\", a \\\\, a\\nline\"}\n");
+    int other = count_lines("\"level\":\"info\",\"room\":\"api\",\"message\":\"caf\xc3\xa9\"}\n");
+    int cut = count_lines("\"message\":\"caf??, and a cut one: ?\"}\n");
+    end();
+    assert_int_equal(one, 1);
+    assert_int_equal(other, 1);
+    assert_int_equal(cut, 1);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lines_of_one_kind_are_few_those_left_out_are_counted_and_others_are_whole),
+        cmocka_unit_test(a_line_is_one_json_object_whatever_it_has),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

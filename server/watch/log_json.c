@@ -1,0 +1,39 @@
+#include "watch/log_json.h"
+
+#include "base/check.h"
+#include "base/log.h"
+
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static json_t *text_of(const char *text, size_t size) {
+    json_t *whole = json_stringn(text, size);
+    if (whole)
+        return whole;
+    char *plain = alloc(size + 1, 1);
+    for (size_t i = 0; i < size; i++)
+        plain[i] = text[i] & '\x80' ? '?' : text[i];
+    whole = json_stringn(plain, size);
+    free(plain);
+    return whole;
+}
+
+static void print(const struct log_line *line) {
+    static const char station[] = "station ";
+    json_t *object =
+        json_pack("{ss ss ss}", "time", line->when, "level", line->level, "room", line->room);
+    const char *name = line->text + sizeof station - 1;
+    if (!strncmp(line->text, station, sizeof station - 1))
+        json_object_set_new(object, "station", text_of(name, strcspn(name, ": ")));
+    json_object_set_new(object, "message", text_of(line->text, strlen(line->text)));
+    char *text = json_dumps(object, JSON_COMPACT); // one write: others have this stderr, too
+    fprintf(stderr, "%s\n", text ? text : "{}");
+    free(text);
+    json_decref(object);
+}
+
+void log_as_json(void) {
+    log_print_by(print);
+}

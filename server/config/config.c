@@ -102,6 +102,13 @@ static bool take_start(void *target, const char *rest, const char *value) {
     return station->start_by_command || !strcmp(value, "auto");
 }
 
+static bool take_hash(void *target, const char *rest, const char *value) {
+    (void)rest;
+    struct session_case *one = target;
+    snprintf(one->hash, sizeof one->hash, "%s", value);
+    return content_is_hash(value);
+}
+
 // contact.CHANNEL = BUTTON
 static bool take_contact(void *target, const char *name, const char *value) {
     struct session_station *station = target;
@@ -266,6 +273,8 @@ static const struct setting_key server_keys[] = {
     {"records", SETTING_PATH, SESSIONS(records)},
     {"tasks", SETTING_PATH, SESSIONS(tasks_dir)},
     {"unfit", .take = take_unfit, .wanted = "refuse or serve"},
+    {"keep_days", SETTING_INTEGER, SESSIONS(keep_days), 0, 36500},
+    {"keep_gb", SETTING_INTEGER, SESSIONS(keep_gb), 0, 1000000},
     {"case_memory_mb", SETTING_INTEGER, SESSIONS(case_memory_mb), 64, 65536},
     {"wait_s", SETTING_INTEGER, SESSIONS(wait_s), 1, 86400},
     {"calibration_days", SETTING_INTEGER, SESSIONS(calibration_days), 1, 3650},
@@ -331,6 +340,8 @@ static const struct setting_key instrument_keys[] = {
 
 static const struct setting_key case_keys[] = {
     {"dir", SETTING_PATH, SETTING_IN(struct session_case, dir)},
+    {"hash", .take = take_hash,
+     .wanted = "64 hexadecimal digits, as arthron-case info prints them"},
     {0},
 };
 
@@ -381,6 +392,9 @@ static enum result complete(const struct sessions_config *c, struct error *err) 
                                               : NULL;
     if (missing)
         return fail(err, RESULT_MISSING, "[server] needs the key \"%s\"", missing);
+    if ((c->keep_days || c->keep_gb) && !c->records[0])
+        return fail(err, RESULT_MISSING,
+                    "[server] keep_days and keep_gb need records, which has the sessions");
     for (int i = 0; i < c->case_count; i++)
         if (!c->cases[i].dir[0])
             return fail(err, RESULT_MISSING, "[case %s] needs the key \"dir\"", c->cases[i].name);
@@ -446,7 +460,19 @@ static enum result complete_xapi(const struct sessions_config *c, const struct x
     return RESULT_OK;
 }
 
-static enum result complete_cluster(const struct cluster_settings *c, struct error *err) {
+// Where stations reach the server, with the port of the pages.
+static void complete_pages(const struct web_settings *w, struct cluster_settings *c) {
+    const char *colon = strrchr(c->stations, ':');
+    if (c->pages[0] || !w->port || !colon)
+        return;
+    int length = snprintf(c->pages, sizeof c->pages, "%.*s:%d", (int)(colon - c->stations),
+                          c->stations, w->port);
+    if (length >= (int)sizeof c->pages)
+        c->pages[0] = '\0';
+}
+
+static enum result complete_cluster(const struct web_settings *w, struct cluster_settings *c,
+                                    struct error *err) {
     bool is_used = c->jet.name[0] || c->jet.server_count || c->stations[0] || c->pages[0] ||
                    c->jet.user[0] || c->jet.authority[0] || c->jet.certificate[0];
     const char *missing = !c->jet.name[0]        ? "name"
@@ -459,6 +485,7 @@ static enum result complete_cluster(const struct cluster_settings *c, struct err
         return fail(err, RESULT_MISSING, "[cluster] needs the key \"%s\"", missing);
     if (!c->jet.certificate[0] != !c->jet.key[0])
         return fail(err, RESULT_MISSING, "[cluster] needs both certificate and key, or neither");
+    complete_pages(w, c);
     return RESULT_OK;
 }
 
@@ -489,7 +516,7 @@ enum result config_load(const char *path, const struct setting_override *overrid
     if (result == RESULT_OK)
         result = complete_xapi(&out_config->sessions, &out_config->xapi, err);
     if (result == RESULT_OK)
-        result = complete_cluster(&out_config->sessions.cluster, err);
+        result = complete_cluster(&out_config->web, &out_config->sessions.cluster, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);
 }
 

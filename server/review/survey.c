@@ -30,9 +30,13 @@ static void notice(const struct instrument_output *o, struct noticing *n) {
 }
 
 static void count_output(const struct session_output *output, struct survey *s) {
-    if (s->steps++ == 0)
+    if (s->steps++ == 0) {
         s->first_ns = s->last_ns = output->time_ns;
+        s->begun_utc_ns = s->written_utc_ns;
+    }
     s->written_utc_ns += output->time_ns - s->last_ns;
+    if (output->state != SESSION_CLOSED)
+        s->until_utc_ns = s->written_utc_ns;
     s->last_ns = output->time_ns;
     s->state = output->state;
     s->jobs += output->job.id != 0;

@@ -27,6 +27,8 @@ struct survey {
     double share[ADAPTIVE_LIGAMENTS_MAX]; // the largest given of each torn ligament's extra motion
     int torn_count;
     int64_t first_ns, last_ns;          // time of the first and last step
+    int64_t begun_utc_ns;               // about when the first step was made; 0: there is none
+    int64_t until_utc_ns;               // and the last one before the session was closed
     int64_t written_utc_ns;             // about when the last record was written
     enum session_state state;           // after the last step
     double largest_mm;                  // displacement of any instrument

@@ -1,3 +1,4 @@
+#include "case/content.h"
 #include "case_commands.h"
 #include "case_keys.h"
 #include "check/inspect.h"
@@ -11,7 +12,8 @@
 static const char help[] =
     "Usage: arthron-case info DIR [--json]\n"
     "\n"
-    "Prints name, side and hash of a case, and its\n"
+    "Prints name, side and hash of a case, the SHA-256 of its content, by which a server's config\n"
+    "can name it, and its\n"
     "  groups      triangles, box, volume, topology, largest displacements by warp and maxcut\n"
     "  lesions     the convex parts of each region and their volume, also beyond the meniscus\n"
     "  ligaments   of torn ones the flexion of each key, where the mock-up holds the joint, and "
@@ -110,7 +112,7 @@ static json_t *group_object(const struct case_group *group) {
         "bridges", group->bridges ? body_name(group->other_body) : NULL);
 }
 
-static int print_json(struct knee_case *knee) {
+static int print_json(struct knee_case *knee, const char *content) {
     json_t *groups = json_array(), *portals = json_array();
     for (int i = 0; i < knee->group_count; i++)
         json_array_append_new(groups, group_object(&knee->groups[i]));
@@ -123,13 +125,13 @@ static int print_json(struct knee_case *knee) {
     vec3 plateau;
     bool found = inspect_medial_plateau(knee, &plateau);
     json_t *root = json_pack(
-        "{s:s, s:s, s:s, s:s, s:{s:o, s:o}, s:o, s:o, s:o, s:o, s:i, s:i, s:o}", "name", knee->name,
-        "title", knee->title, "side", side_name(knee->joint.side), "hash", hash, "joint",
-        "T_femur_joint", pose_array(knee->joint.T_femur_joint), "T_tibia_joint",
-        pose_array(knee->joint.T_tibia_joint), "joint_centre", vector(inspect_joint_centre(knee)),
-        "medial_plateau", found ? vector(plateau) : json_null(), "groups", groups, "portals",
-        portals, "patella_keys", knee->patella_key_count, "rest_poses", knee->rest_count, "torn",
-        keys_array(knee));
+        "{s:s, s:s, s:s, s:s, s:s, s:{s:o, s:o}, s:o, s:o, s:o, s:o, s:i, s:i, s:o}", "name",
+        knee->name, "title", knee->title, "side", side_name(knee->joint.side), "hash", hash,
+        "sha256", content, "joint", "T_femur_joint", pose_array(knee->joint.T_femur_joint),
+        "T_tibia_joint", pose_array(knee->joint.T_tibia_joint), "joint_centre",
+        vector(inspect_joint_centre(knee)), "medial_plateau", found ? vector(plateau) : json_null(),
+        "groups", groups, "portals", portals, "patella_keys", knee->patella_key_count, "rest_poses",
+        knee->rest_count, "torn", keys_array(knee));
     if (knee->has_scan)
         json_object_set_new(root, "scan",
                             json_pack("{s:b, s:o}", "mirrored", (int)knee->scan_mirrored,
@@ -187,10 +189,11 @@ static void print_scan(const struct knee_case *knee) {
     printf("origin of the case in the scan %.3f %.3f %.3f mm\n", origin.x, origin.y, origin.z);
 }
 
-static int print_text(struct knee_case *knee) {
+static int print_text(struct knee_case *knee, const char *content) {
     vec3 centre = inspect_joint_centre(knee), plateau;
-    printf("%s (%s knee)%s%s\nhash %016" PRIx64 "\n", knee->name, side_name(knee->joint.side),
-           knee->title[0] ? ": " : "", knee->title, knee->hash);
+    printf("%s (%s knee)%s%s\nhash %016" PRIx64 "\nsha256 %s\n", knee->name,
+           side_name(knee->joint.side), knee->title[0] ? ": " : "", knee->title, knee->hash,
+           content);
     printf("joint centre %.1f %.1f %.1f\n", centre.x, centre.y, centre.z);
     if (inspect_medial_plateau(knee, &plateau))
         printf("medial plateau %.1f %.1f %.1f\n", plateau.x, plateau.y, plateau.z);
@@ -231,10 +234,14 @@ int command_info(int argc, char **argv) {
     if (optind + 1 != argc)
         return usage_error("info", "one case folder is needed");
     struct knee_case *knee;
+    struct content_file files[CONTENT_FILES];
+    char content[CONTENT_HASH_SIZE];
     struct error err;
-    if (case_load(argv[optind], NULL, &knee, &err) != RESULT_OK)
+    if (content_read(argv[optind], files, &err) != RESULT_OK ||
+        case_load(argv[optind], NULL, &knee, &err) != RESULT_OK)
         return failed("info", &err);
-    int status = json ? print_json(knee) : print_text(knee);
+    content_hash(files, content);
+    int status = json ? print_json(knee, content) : print_text(knee, content);
     case_destroy(&knee);
     return status;
 }

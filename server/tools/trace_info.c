@@ -217,6 +217,8 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     json_object_set_new(root, "part", json_integer(h->part));
     json_object_set_new(root, "server", text_or_null(h->server));
     json_object_set_new(root, "token", json_integer((json_int_t)h->token));
+    json_object_set_new(root, "from_utc_s", json_real((double)s->begun_utc_ns / 1e9));
+    json_object_set_new(root, "until_utc_s", json_real((double)s->until_utc_ns / 1e9));
     json_object_set_new(root, "taken", json_integer((json_int_t)s->taken));
     json_object_set_new(root, "state_step", json_integer((json_int_t)s->state_step));
     json_object_set_new(root, "past", json_integer((json_int_t)s->past));

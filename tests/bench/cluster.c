@@ -43,11 +43,11 @@ struct place {
     vec3 tip, target;
     double opening, closing;
     uint64_t number;
-    int64_t replied_ns;
+    int64_t replied_ns, gap_ns; // the longest between replies
 };
 
 struct found {
-    struct samples failover_s, lease_s, replay_s, reconnect_s, move_s;
+    struct samples failover_s, lease_s, replay_s, reconnect_s, move_s, move_replay_s;
     double lost, differences, double_owners, cuts;
     double journal_bytes, journal_s;
 };
@@ -177,8 +177,11 @@ static void beat(struct place *p, bool cuts) {
     arthron_Reply reply;
     if (link_send(p->link, &frame))
         p->number++;
-    while (link_wait(p->link, until_ns, &reply))
-        p->replied_ns = clock_now_ns();
+    while (link_wait(p->link, until_ns, &reply)) {
+        int64_t now_ns = clock_now_ns(), gap_ns = now_ns - p->replied_ns;
+        p->gap_ns = gap_ns > p->gap_ns ? gap_ns : p->gap_ns;
+        p->replied_ns = now_ns;
+    }
     int64_t left_ns = until_ns - clock_now_ns();
     if (left_ns > 0) // there is no connection to wait on
         nanosleep(&(struct timespec){0, left_ns}, NULL);
@@ -230,6 +233,19 @@ static bool is_equal(const arthron_CommandReply *a, const arthron_CommandReply *
     return equal;
 }
 
+// The session once no cut is on its way any more. other: room for another answer.
+static enum result wait_for_rest(struct place *p, arthron_CommandReply *out,
+                                 arthron_CommandReply *other, int *out_owner, struct error *err) {
+    enum result result;
+    do {
+        result = wait_for_owner(p, out, out_owner, err);
+        beats(p, REST_NS, false);
+        if (result == RESULT_OK)
+            result = wait_for_owner(p, other, out_owner, err);
+    } while (result == RESULT_OK && !is_equal(out, other));
+    return result;
+}
+
 // When a line with the text was written; NaN: there is none.
 static double said_at(const char *log, const char *text, double *out_ms) {
     char line[1024];
@@ -255,13 +271,18 @@ static double said_at(const char *log, const char *text, double *out_ms) {
 
 // ---- a round ------------------------------------------------------------------------------------
 
-static void note_parts(const struct place *p, int next, double killed_s, double gap_s,
+static void note_parts(const struct place *p, int next, bool killed, double begun_s, double gap_s,
                        struct found *found) {
     char log[160];
     double replay_ms = NAN;
     path_in(p, names[next], p->starts[next] - 1, ".log", log);
     double taken_s = said_at(log, "goes on here after", &replay_ms);
-    double replay_s = replay_ms / 1000, lease_s = taken_s - killed_s - replay_s;
+    double replay_s = replay_ms / 1000, lease_s = taken_s - begun_s - replay_s;
+    samples_add(killed ? &found->failover_s : &found->move_s, gap_s);
+    if (!killed) {
+        samples_add(&found->move_replay_s, replay_s);
+        return;
+    }
     samples_add(&found->lease_s, lease_s);
     samples_add(&found->replay_s, replay_s);
     samples_add(&found->reconnect_s, gap_s - lease_s - replay_s);
@@ -290,24 +311,22 @@ static enum result round_of(struct place *p, bool kills, struct found *found, st
     beats(p, REST_NS, false);
     found->journal_bytes += nodes_bytes(&p->nodes) - bytes;
     found->journal_s += (double)(clock_now_ns() - begin_ns) / NS_PER_S;
-    enum result result = wait_for_owner(p, before, &was, err);
+    enum result result = wait_for_rest(p, before, after, &was, err);
     if (result == RESULT_OK) {
         struct timespec now;
         clock_gettime(CLOCK_REALTIME, &now);
         double begun_s = (double)now.tv_sec + (double)now.tv_nsec / 1e9;
         kill(p->pids[was], kills ? SIGKILL : SIGUSR1);
-        beats(p, NS_PER_S / 20, false); // it answers until then
-        int64_t last_ns = p->replied_ns;
+        p->gap_ns = 0;
         int64_t end_ns = clock_now_ns() + PATIENCE_NS;
-        while (p->replied_ns == last_ns && clock_now_ns() < end_ns)
-            beat(p, false);
-        double gap_s = (double)(p->replied_ns - last_ns) / NS_PER_S;
+        do
+            beats(p, NS_PER_S / 5, false);
+        while (((is = owner(p, after)) < 0 || is == was) && clock_now_ns() < end_ns);
+        beats(p, NS_PER_S / 5, false);
         program_end(&p->pids[was], kills ? SIGKILL : SIGUSR1);
         result = wait_for_owner(p, after, &is, err);
         if (result == RESULT_OK) {
-            samples_add(kills ? &found->failover_s : &found->move_s, gap_s);
-            if (kills)
-                note_parts(p, is, begun_s, gap_s, found);
+            note_parts(p, is, kills, begun_s, (double)p->gap_ns / NS_PER_S, found);
             judge(p, before, after, found);
             result = start_server(p, was, err);
         }
@@ -408,14 +427,15 @@ static void report_found(struct found *f, struct report *report) {
     report_figure(report, samples_quantile(&f->replay_s, 0.5), "s", "failover/replay p50");
     report_figure(report, samples_quantile(&f->reconnect_s, 0.5), "s", "failover/reconnect p50");
     report_figure(report, samples_quantile(&f->move_s, 0.5), "s", "planned move/p50");
+    report_figure(report, samples_quantile(&f->move_replay_s, 0.5), "s", "planned move/replay p50");
     report_figure(report, f->cuts, "cuts", "cuts that were moved");
     report_figure(report, f->journal_bytes / f->journal_s * 3600, "bytes",
                   "journal_bytes_per_station_hour");
 }
 
 static void fini(struct found *f) {
-    struct samples *all[] = {&f->failover_s, &f->lease_s, &f->replay_s, &f->reconnect_s,
-                             &f->move_s};
+    struct samples *all[] = {&f->failover_s,  &f->lease_s, &f->replay_s,
+                             &f->reconnect_s, &f->move_s,  &f->move_replay_s};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         samples_fini(all[i]);
 }

@@ -119,12 +119,21 @@ class Engine:
             if self.process.poll() is not None:
                 break
             if answers():
+                self.clear()
                 return
             time.sleep(0.1)
         with open(self.log, errors="replace") as f:
             last = f.read().strip().splitlines()[-1:]
         self.stop()
         raise NoEngine(f"dockerd does not start: {' '.join(last)}")
+
+    def clear(self):
+        """What a run that was killed has left."""
+        left = docker("ps", "--all", "--quiet").stdout.split()
+        if left:
+            docker("rm", "--force", "--volumes", *left)
+        for kind in ("network", "volume"):
+            docker(kind, "prune", "--force")
 
     def stop(self):
         if not self.own:

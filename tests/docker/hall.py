@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import shutil
 import time
 
@@ -10,7 +11,7 @@ from engine import docker, run
 
 ROOMS = ("room-1", "room-2", "room-3")
 SOCKET = "/var/lib/arthron/server.sock"
-PATIENCE_S = 30
+PATIENCE_S = 90  # only ends what hangs: other programs may load the machine
 
 
 def wait_until(what, condition, seconds=PATIENCE_S):
@@ -23,20 +24,31 @@ def wait_until(what, condition, seconds=PATIENCE_S):
     raise AssertionError(f"waited {seconds} s in vain: {what}")
 
 
-class Stand:
-    """What a compose file of the project runs, under a name of its own."""
+def session_of(trace):
+    """What the names of all parts of a session begin with."""
+    return re.sub(r"(-p\d+)?\.trace$", "", os.path.basename(trace))
 
-    def __init__(self, source, tag, file):
+
+def part_of(trace):
+    part = re.search(r"-p(\d+)\.trace$", trace)
+    return int(part[1]) if part else 1
+
+
+class Stand:
+    """What a compose file of the project runs, under a name of its own. more: files beside it."""
+
+    def __init__(self, source, tag, file, *more):
         self.project = f"arthron-test-{os.getpid()}-{os.path.splitext(file)[0]}"
         self.tag = tag
-        self.file = os.path.join(source, "docker", file)
+        self.files = [os.path.join(source, "docker", file), *more]
         self.injected = []  # what the running test did from outside
         self.recovered = {}  # room: seconds from the fault's end to the first frame with all devices
 
     def compose(self, *arguments):
         tool = ["docker-compose"] if shutil.which("docker-compose") else ["docker", "compose"]
         any_port = {name: "" for name in ("ARTHRON_CONSOLE", *(f"ARTHRON_CONSOLE_{server}" for server in "ABC"))}
-        return run(*tool, "-p", self.project, "-f", self.file, *arguments, timeout=180,
+        files = [word for file in self.files for word in ("-f", file)]
+        return run(*tool, "-p", self.project, *files, *arguments, timeout=600,
                    env=dict(os.environ, ARTHRON_TAG=self.tag, **any_port))
 
     def open(self):
@@ -63,6 +75,11 @@ class Stand:
         words = [self.containers.get(word, word) for word in command]
         self.injected.append(" ".join(command))
         return docker(*words)
+
+    def in_network_of(self, service, *command):
+        """Runs this machine's own program inside a container's network."""
+        pid = str(self.inspect(service)["State"]["Pid"])
+        return run("nsenter", "-t", pid, "-n", *command)
 
 
 class Hall(Stand):
@@ -118,8 +135,3 @@ class Hall(Stand):
     def plug(self, action, network, service, *options):
         self.injected.append(f"network {action} {network} {service}")
         docker("network", action, *options, f"{self.project}_{network}", self.containers[service])
-
-    def in_network_of(self, service, *command):
-        """Runs this machine's own program inside a container's network."""
-        pid = str(self.inspect(service)["State"]["Pid"])
-        return run("nsenter", "-t", pid, "-n", *command)

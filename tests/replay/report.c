@@ -127,8 +127,11 @@ struct other {
 
 static void put_other(struct store *store, int number, const struct other *other) {
     const struct metric_kind *kind = &metric_kinds[other->metric];
-    struct store_session session = {
-        .start_utc_ns = 1 + number, .end_utc_ns = 2 + number, .state = STATE_CLOSED, .steps = 9};
+    struct store_session session = {.start_utc_ns = 1 + number,
+                                    .end_utc_ns = 2 + number,
+                                    .part = 1,
+                                    .state = STATE_CLOSED,
+                                    .steps = 9};
     struct store_result figure = {.version = other->version, .value = other->value};
     struct error err;
     snprintf(session.id, sizeof session.id, "%032x", number);

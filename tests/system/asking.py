@@ -24,11 +24,12 @@ class Asking(SystemTest):
 
     def ask(self, method, path, body=None, who=None, status=200, headers=None):
         """The answer, its JSON in `json` where it is some. who: a cookie, or a token that is no dictionary."""
-        headers = {"Origin": self.origin, **(headers or {})}
+        more = headers or {}
+        headers = {"Origin": self.origin, **more}
         if isinstance(who, dict):
             headers["Cookie"] = "arthron=" + who["cookie"]
         elif who:
-            headers = {"Authorization": "Bearer " + who}
+            headers = {"Authorization": "Bearer " + who, **more}
         connection = http.client.HTTPSConnection("127.0.0.1", self.web_port, context=self.trust, timeout=30)
         connection.request(method, "/api/v1" + path, None if body is None else json.dumps(body), headers)
         answer = connection.getresponse()

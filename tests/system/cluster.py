@@ -1,83 +1,53 @@
 #!/usr/bin/env python3
-"""Two servers that share a station: where one is killed, paused or drained, the other goes on with the session.
-
-NATS is a real server of it."""
+"""Two servers that share a station: where one is killed, paused or drained, the other goes on with the session."""
 
 import os
+import re
+import shutil
 import signal
+import struct
+import subprocess
 import time
 import unittest
+from unittest import mock
 
-from arthron import Process, SystemTest, call_json, free_port, wait_until
-from bites import Bites
+from arthron import call_json, program, wait_until
+from several_servers import SeveralServers
 
+LEASE_S = 12  # so long without a renewal, and a server counts as dead
 STATE = ("mesh_number", "mesh_hash", "cuts", "removed_mm3", "pieces_mm3", "volume_mm3", "warped_mm3", "left_mm3",
          "distance_mm", "over_mm3", "under_mm3", "rim_mm", "removed_zone_mm3")
 
 
-class Cluster(Bites):
-    names = ("a", "b")
+def other_build(path):
+    """The server with another build id: to others it is another program."""
+    shutil.copy(program("arthron-server"), path)
+    notes = subprocess.run(("readelf", "-n", path), check=True, capture_output=True, text=True).stdout
+    build_id = bytes.fromhex(re.search(r"Build ID: (\w+)", notes)[1])
+    with open(path, "r+b") as f:
+        content = f.read()
+        assert content.count(build_id) == 1
+        f.seek(content.index(build_id))
+        f.write(bytes(byte ^ 0xff for byte in build_id))
+    return path
 
-    def setUp(self):
-        SystemTest.setUp(self)
-        self.nats_port = free_port()
-        self.start_nats()
-        self.ports = {name: free_port() for name in self.names}
-        self.port = self.ports["a"]
-        self.server_config("[station room-1]\ncase = healthy\n")
-        self.servers = {}
-        for name in self.names:
-            self.start_named(name)
-        self.ask("a")
-        self.enrol("room-1")
-        self.start_mockup()
 
-    def start_nats(self):
-        command = ("nats-server", "-a", "127.0.0.1", "-p", str(self.nats_port), "-js", "-sd", self.path("nats"))
-        self.nats = Process(self.folder, f"nats{len(self.processes)}", *command, statuses=(0, 1))
-        self.processes.append(self.nats)
-        self.nats.wait_for_log("Server is ready")
-
-    def socket_of(self, name):
-        return self.path("s-" + name)
-
-    def start_named(self, name):
-        settings = {"server.port": self.ports[name], "server.udp_port": free_port(),
-                    "server.traces": self.path("traces-" + name), "server.socket": self.socket_of(name),
-                    "cluster.name": name, "cluster.replicas": 1, "cluster.nats": f"nats://127.0.0.1:{self.nats_port}",
-                    "cluster.stations": f"127.0.0.1:{self.ports[name]}"}
-        words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
-        count = sum(process.label.startswith(name) for process in self.processes)
-        self.servers[name] = self.start(f"{name}{count}", "arthron-server", "run", "--config", self.path("server.ini"),
-                                        *words)
-        self.servers[name].wait_for_log("ready on port")
-
-    def station_config(self, *arguments, **more):
-        path = super().station_config(*arguments, **more)
-        with open(path) as f:
-            text = f.read()
-        both = ", ".join(f"127.0.0.1:{port}" for port in self.ports.values())
-        return self.write("room-1.ini", text.replace(f"server = 127.0.0.1:{self.port}\n", f"server = {both}\n"))
-
-    def ask(self, name):
-        """What is asked from now on is asked of this server."""
-        self.socket = self.socket_of(name)
-
-    def wait_at(self, name, state="running"):
-        self.ask(name)
-        wait_until("the station at " + name,
-                   lambda: self.session()["connected"] and self.session()["state"] == state)
-
-    def parts(self):
-        paths = []
-        for name in self.names:
-            folder = self.path("traces-" + name)
-            paths += [os.path.join(folder, file) for file in os.listdir(folder) if file.endswith(".trace")]
-        return paths
-
+class Cluster(SeveralServers):
     def verify(self):
         return call_json("arthron-trace", "verify", *self.parts(), "--authority",
                          os.path.join(self.keys, "authority.pem"), code=None)
+
+    def rows(self, name, what):
+        return call_json("arthron-server", "records", "--file", self.path(f"records-{name}.db"), "list", what)
+
+    def assert_recorded(self, name, session, server):
+        """Its records have the session, with the part that each server wrote."""
+        wait_until("the end in the records of " + name,
+                   lambda: [row["state"] for row in self.rows(name, "sessions")] == ["closed"])
+        row, = self.rows(name, "sessions")
+        self.assertEqual((row["id"], row["server"]), (session["id"], server))
+        part, = self.rows(name, "parts")
+        self.assertEqual((part["number"], row["part"], part["server"]), (1, 2, "a"))
 
     def begin(self):
         station = self.start_station()
@@ -112,6 +82,9 @@ class Cluster(Bites):
         self.assert_same_mesh(station)
         self.servers["b"].end()
         self.assert_one_session(2)
+        self.assert_recorded("b", before, "b")
+        self.start_named("a")
+        self.assert_recorded("a", before, "b")
 
     def test_a_server_that_is_drained_gives_its_sessions_away(self):
         station, before, cut = self.begin()
@@ -126,6 +99,32 @@ class Cluster(Bites):
         self.assert_same_mesh(station)
         self.servers["a"].end()
         self.assertTrue(all(part["whole"] for part in self.assert_one_session(3)))
+
+    def test_a_session_of_a_drained_server_is_not_run_again(self):
+        station = self.start_station()
+        self.wait_at("a")
+        self.wait_for_cuts()
+        self.servers["a"].end(signal.SIGUSR1)
+        self.wait_at("b")
+        self.wait_for_cuts(self.resection()["cuts"] + 1)
+        self.pause()
+        self.assert_same_mesh(station)
+        self.servers["b"].end()
+        (second,) = [path for path in self.parts() if path.endswith("-p2.trace")]
+        self.assertLessEqual(call_json("arthron-trace", "info", second)["taken"], 2)  # cuts of the last moment
+        self.assert_one_session(2)
+
+    def test_a_server_of_another_build_goes_on_with_the_state_and_says_so(self):
+        self.servers["b"].end()
+        self.start_named("b", server=other_build(self.path("arthron-server")))
+        station, before, cut = self.begin()
+        self.servers["a"].end(signal.SIGKILL)
+        self.assert_goes_on("b", before, cut)
+        self.pause()
+        self.assert_same_mesh(station)
+        self.servers["b"].end()
+        self.assertIn("it begins with a state that another program or machine kept", self.servers["b"].log())
+        self.assert_one_session(2)
 
     def test_a_server_that_was_paused_serves_nothing(self):
         station, before, cut = self.begin()
@@ -155,6 +154,39 @@ class Cluster(Bites):
         self.pause()
         self.assert_same_mesh(station)
 
+    def set_clock(self, name, off_h):
+        """In place: the server has mapped it."""
+        path = self.path("clock-" + name)
+        with open(path, "r+b" if os.path.exists(path) else "wb") as f:
+            f.write(struct.pack("<q", off_h * 3600))
+        return path
+
+    def restart_by_clock(self, name, off_h):
+        self.servers[name].end()
+        moved = {"LD_PRELOAD": os.environ["ARTHRON_WRONG_CLOCK"], "WRONG_CLOCK_FILE": self.set_clock(name, off_h),
+                 "ASAN_OPTIONS": os.environ.get("ASAN_OPTIONS", "") + ":verify_asan_link_order=0"}
+        with mock.patch.dict(os.environ, moved):
+            self.start_named(name)
+
+    def test_clocks_that_are_hours_off_and_jump_do_no_harm(self):
+        """Back by half a day, and forth: the session stays where it is, protected, until its server is killed."""
+        self.restart_by_clock("a", 6)
+        self.restart_by_clock("b", -6)
+        station, before, cut = self.begin()
+        self.assertGreater(before["start_utc_s"], time.time() + 5 * 3600)
+        for off_h in (-6, 6):
+            self.set_clock("a", off_h)
+            time.sleep(LEASE_S)
+            self.wait_for_steps()
+            wait_until("the session is protected", lambda: not self.session()["unprotected"])
+            self.assertEqual((self.session()["id"], self.session()["trace"]), (before["id"], before["trace"]))
+        self.servers["a"].end(signal.SIGKILL)
+        self.assert_goes_on("b", before, cut)
+        self.pause()
+        self.assert_same_mesh(station)
+        self.servers["b"].end()
+        self.assert_one_session(2)
+
     def test_sessions_go_on_without_nats(self):
         """Beyond the end of the lease. What was cut meanwhile is in the journal once NATS is back."""
         station, before, cut = self.begin()
@@ -162,7 +194,7 @@ class Cluster(Bites):
         gone = time.monotonic()
         self.session_command("start", "room-1")
         self.wait_for_cuts(cut["cuts"] + 1)
-        time.sleep(max(0, gone + 12 - time.monotonic()))
+        time.sleep(max(0, gone + LEASE_S - time.monotonic()))
         self.wait_for_steps()
         self.start_nats()
         wait_until("the session is protected", lambda: not self.session()["unprotected"])

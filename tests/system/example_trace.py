@@ -19,8 +19,8 @@ example = importlib.util.module_from_spec(spec)
 sys.dont_write_bytecode = True
 spec.loader.exec_module(example)
 # What info tells besides: where the session comes from, its settings, and what docs/examples/touch.py reads.
-NOT_FIGURES = {"station", "trainee", "case", "start", "settings", "machine", "parent", "parent_session", "optic", "remarks", "markers", "markers_count",
-               "touches", "attempts", "state_step"}
+NOT_FIGURES = {"station", "trainee", "case", "start", "from_utc_s", "until_utc_s", "settings", "machine", "parent",
+               "parent_session", "optic", "remarks", "markers", "markers_count", "touches", "attempts", "state_step"}
 
 
 def rounded(value):

@@ -71,6 +71,7 @@ class OldTraces(unittest.TestCase):
         self.assertEqual((found.pop("markers"), found.pop("markers_count"), found.pop("attempts")), ([], 0, []))
         self.assertEqual([found.pop(key) for key in ("part", "server", "token", "taken", "state_step")], [1, "", 0, 0, 0])
         self.assertEqual([found["events"].pop(event) for event in ("grasped", "dropped", "taken_out")], [0, 0, 0])
+        self.assertAlmostEqual(found.pop("until_utc_s") - found.pop("from_utc_s"), found["seconds"], delta=0.05)
         self.assertEqual(found, before)
 
     def test_its_table_has_the_same_values(self):

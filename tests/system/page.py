@@ -14,7 +14,7 @@ from websocket import Connection, fields, one
 
 WALL, STATION, RECORDED = 1, 2, 3
 NOT_THERE, FAILED = 1, 2  # kinds of Trouble
-START, PAUSE, STOP, NOTE, UNDO, ASSIGN = 1, 2, 3, 9, 7, 10
+LIST, START, PAUSE, STOP, NOTE, UNDO, ASSIGN = 0, 1, 2, 3, 9, 7, 10
 PATIENCE_S = 60
 
 
@@ -167,6 +167,10 @@ class Page(Connection):
             remark += piece(7, b"".join(varint(i + 1 << 3 | 1) + struct.pack("<d", x) for i, x in enumerate(point)))
         return self.command(NOTE, station, more=piece(11, remark))
 
+    def listed(self):
+        """The stations of a LIST."""
+        return self.command(LIST, station="")["sessions"]
+
     # ---- what it hears
 
     def read(self):
@@ -196,7 +200,7 @@ class Page(Connection):
         info = one(v[2])
         devices = [one(d) for n, d in fields(data) if n == 4]
         self.places[text(info.get(2))] = {
-            "state": info.get(4, 0), "connected": bool(info.get(5, 0)), "trainee": text(v.get(3)),
+            "number": v.get(1, 0), "server": text(v.get(23)), "state": info.get(4, 0), "connected": bool(info.get(5, 0)), "trainee": text(v.get(3)),
             "cuts": v.get(5, 0), "removed_mm3": double(v.get(6)), "warning": text(v.get(9)),
             "urgency": v.get(10, 0), "steps": struct.unpack("<Q", info.get(7, bytes(8)))[0],
             "devices": {text(d.get(1)): {"rate_hz": struct.unpack("<f", d.get(3, bytes(4)))[0],
@@ -258,7 +262,10 @@ class Page(Connection):
 
     def hear_reply(self, data):
         v = one(data)
-        self.replies.append({"ok": bool(v.get(1, 0)), "text": text(v.get(2))})
+        rows = [one(row) for n, row in fields(data) if n == 3]
+        self.replies.append({"ok": bool(v.get(1, 0)), "text": text(v.get(2)),
+                             "sessions": [{"station": text(row.get(2)), "state": row.get(4, 0),
+                                           "server": text(row.get(31))} for row in rows]})
 
     def hear_progress(self, data):
         v = one(data)

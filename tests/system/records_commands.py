@@ -295,7 +295,7 @@ class Commands(unittest.TestCase):
                         self.assertEqual(float(row[column]), float(value))
                     else:
                         self.assertEqual(row[column], text)
-        self.assertEqual(len(os.listdir(self.path("out"))), 18)
+        self.assertEqual(len(os.listdir(self.path("out"))), 19)
 
     def is_iri(self, text):
         parts = urllib.parse.urlsplit(text)

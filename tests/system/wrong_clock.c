@@ -1,5 +1,12 @@
-// Preloaded into a program: its time of day is off by WRONG_CLOCK_S seconds. Monotonic time stays.
+// Preloaded into a program: its time of day is off by WRONG_CLOCK_S seconds, or by those that the
+// file WRONG_CLOCK_FILE has as a number of 8 bytes, which a test may change at any time. Monotonic
+// time stays.
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdint.h>
 #include <stdlib.h>
+#include <sys/mman.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
 #include <time.h>
@@ -9,9 +16,24 @@ int clock_gettime(clockid_t id, struct timespec *out);
 time_t time(time_t *out);
 int gettimeofday(struct timeval *restrict out, void *restrict zone);
 
+int pthread_cond_timedwait(pthread_cond_t *restrict condition, pthread_mutex_t *restrict lock,
+                           const struct timespec *restrict at);
+
+#define YEAR_S 31536000 // no machine runs for ten
+
 static time_t off_s(void) {
-    const char *text = getenv("WRONG_CLOCK_S");
-    return text ? (time_t)atoll(text) : 0;
+    static volatile int64_t *off;
+    static int64_t constant;
+    if (!off) {
+        const char *text = getenv("WRONG_CLOCK_S"), *path = getenv("WRONG_CLOCK_FILE");
+        int fd = path ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+        void *mapped = fd < 0 ? MAP_FAILED : mmap(NULL, sizeof *off, PROT_READ, MAP_SHARED, fd, 0);
+        if (fd >= 0)
+            close(fd);
+        constant = text ? atoll(text) : 0;
+        off = mapped == MAP_FAILED ? &constant : mapped;
+    }
+    return (time_t)*off;
 }
 
 int clock_gettime(clockid_t id, struct timespec *out) {
@@ -19,6 +41,18 @@ int clock_gettime(clockid_t id, struct timespec *out) {
     if (id == CLOCK_REALTIME || id == CLOCK_REALTIME_COARSE)
         out->tv_sec += off_s();
     return result;
+}
+
+// Until a time of day, or a monotonic one, as the condition is made.
+int pthread_cond_timedwait(pthread_cond_t *restrict condition, pthread_mutex_t *restrict lock,
+                           const struct timespec *restrict at) {
+    static int (*next)(pthread_cond_t *, pthread_mutex_t *, const struct timespec *);
+    struct timespec real = *at;
+    if (!next)
+        *(void **)&next = dlsym(RTLD_NEXT, "pthread_cond_timedwait");
+    if (at->tv_sec > 10L * YEAR_S)
+        real.tv_sec -= off_s();
+    return next(condition, lock, &real);
 }
 
 time_t time(time_t *out) {

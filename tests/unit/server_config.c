@@ -9,6 +9,7 @@
 #include <string.h>
 
 #define SERVER "[server]\naddress = 10.0.0.1\nkeys = keys\ntraces = traces\nsocket = s\n"
+#define HASH "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"
 #define RECORDS "records = records.db\n"
 
 static char dir[FOLDER_MAX];
@@ -109,6 +110,7 @@ static void what_cannot_be_is_named(void **state) {
         {SERVER "[instrument prob]\npoint.1 = 0 0 0 1\n", "did you mean probe?"},
         {SERVER "[instrument probe]\npoint.2 = 0 0 0 1\n", "numbered from 1 to 15"},
         {SERVER "[case knee]\ndirr = k\n", "[case knee] has no key \"dirr\"; did you mean dir?"},
+        {SERVER "[case knee]\ndir = k\nhash = 0123456789abcdef\n", "64 hexadecimal digits"},
         {SERVER "[case knee]\n[station a]\nstart = auto\n", "[station a] needs the key \"case\""},
         {SERVER "[station a]\nstart = maybe\n", "must be auto or command"},
         {SERVER "[station a]\ncontact.prob = 0\n", "of contact.probe"},
@@ -131,7 +133,7 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
                                  "[instrument instrument_7]\npoint.1 = 1 0 -7 2\n"
                                  "[instrument probe-2]\npoint.1 = 0 3 0 0.5\npoint.2 = 0 3 -7 1\n"
                                  "[instrument curette]\npoint.1 = 0 4 0 1\n"
-                                 "[case knee]\ndir = k\n"
+                                 "[case knee]\ndir = k\nhash = " HASH "\n"
                                  "[station a]\ncase = knee\nstart = command\ntrainee = ada\n"
                                  "optic_deg = 70\ncontact.punch = 4\ncontact.instrument_8 = 5\n"),
                      RESULT_OK);
@@ -156,6 +158,7 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
     assert_string_equal(c->instruments[1].name, "curette");
     assert_float_equal(c->instruments[1].body.points[1].at.y, 4, 0);
     expect_path(c->cases[0].dir, "k");
+    assert_string_equal(c->cases[0].hash, HASH);
     const struct session_station *station = &c->stations[0];
     assert_string_equal(station->case_name, "knee");
     assert_true(station->start_by_command);
@@ -180,6 +183,25 @@ static void statements_go_where_somebody_says_so(void **state) {
     assert_string_equal(config.xapi.server, "https://a/xapi");
     assert_string_equal(config.xapi.site, "https://a/b");
     assert_true(config.xapi.names);
+}
+
+static void others_find_the_pages_where_stations_find_the_server(void **state) {
+    (void)state;
+    static const char cluster[] = "[cluster]\nname = a\nnats = nats://n:4222\n";
+    static const struct {
+        const char *more, *pages;
+    } rows[] = {
+        {"stations = a.example:4810\n", ""},
+        {"stations = a.example:4810\n[web]\nport = 4880\n", "a.example:4880"},
+        {"stations = [fe80::1]:4810\n[web]\nport = 443\n", "[fe80::1]:443"},
+        {"stations = a:4810\npages = p:80\n[web]\nport = 443\n", "p:80"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        char text[512];
+        snprintf(text, sizeof text, SERVER RECORDS "%s%s", cluster, rows[i].more);
+        assert_int_equal(load(text), RESULT_OK);
+        assert_string_equal(config.sessions.cluster.pages, rows[i].pages);
+    }
 }
 
 static void eight_names_are_kept_whole(void **state) {
@@ -227,6 +249,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(what_cannot_be_is_named, begin, end),
         cmocka_unit_test_setup_teardown(every_kind_of_value_goes_where_it_belongs, begin, end),
         cmocka_unit_test_setup_teardown(statements_go_where_somebody_says_so, begin, end),
+        cmocka_unit_test_setup_teardown(others_find_the_pages_where_stations_find_the_server, begin,
+                                        end),
         cmocka_unit_test_setup_teardown(eight_names_are_kept_whole, begin, end),
     };
     return cmocka_run_group_tests_name("server_config", tests, NULL, NULL);

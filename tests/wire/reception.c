@@ -54,6 +54,29 @@ static void echo(const struct web_request *q, struct web_response *out) {
                          q->token ? q->token : "-", q->by_cookie, q->address, q->body);
 }
 
+// Ten bytes of a larger file, as another server gave them.
+static void answer_later(void *data, struct web_response *out) {
+    struct reception *r = data;
+    atomic_fetch_add(&r->later, 1);
+    while (out && atomic_load(&r->blocks))
+        usleep(1000);
+    if (out) {
+        out->status = 206;
+        out->open_file = tmpfile();
+        fputs("0123456789", out->open_file);
+        fflush(out->open_file);
+        strcpy(out->content_range, "bytes 5-14/100");
+    }
+    atomic_fetch_add(&r->released, 1);
+}
+
+static void tell_of_passing_on(const struct web_request *q, struct web_response *out) {
+    out->status = 200;
+    out->body = malloc(512);
+    out->size = (size_t)snprintf(out->body, 512, "%d|%s|%s", q->is_passed_on,
+                                 q->range ? q->range : "-", q->if_range ? q->if_range : "-");
+}
+
 static void on_request(void *user, const struct web_request *q, struct web_response *out) {
     struct reception *r = user;
     if (q->token && !strncmp(q->token, "good", 4))
@@ -74,6 +97,11 @@ static void on_request(void *user, const struct web_request *q, struct web_respo
     } else if (!strcmp(q->path, "/api/v1/lost")) {
         out->status = 200;
         snprintf(out->file, sizeof out->file, "%s", r->dir); // a folder
+    } else if (!strcmp(q->path, "/api/v1/later")) {
+        out->later = answer_later;
+        out->later_data = r;
+    } else if (!strcmp(q->path, "/api/v1/via")) {
+        tell_of_passing_on(q, out);
     } else if (!strcmp(q->path, "/api/v1/cookie")) {
         strcpy(out->cookie, "arthron=good; Path=/; Secure; HttpOnly; SameSite=Strict");
         out->retry_after_s = 7;
@@ -104,7 +132,8 @@ struct viewer {
     int64_t next_ns;
 };
 
-static void *on_viewer(void *user, const struct web_account *account) {
+static void *on_viewer(void *user, const struct web_account *account, const char *token) {
+    (void)token;
     struct reception *r = user;
     CHECK(!strcmp(account->name, "anna"));
     atomic_fetch_add(&r->viewers, 1);

@@ -13,20 +13,21 @@ struct reception {
     char dir[FOLDER_MAX];
     struct web *web;
     int port;
-    int patience_s;            // before reception_open
-    atomic_int requests;       // answered, of /api/v1
-    atomic_bool blocks;        // /api/v1/slow is not answered while it is set
-    atomic_int waiting;        // in /api/v1/slow
-    atomic_bool signed_out;    // no token is anybody's
-    atomic_bool promoted;      // the account has another role
-    atomic_bool forgetful;     // whose a token is cannot be found out
-    atomic_int entered;        // how often it was asked for a good token
-    atomic_int viewers, left;  // in all
-    atomic_int asked;          // for a batch
-    atomic_int pages;          // messages
-    atomic_size_t batch_size;  // of each batch, 0: there is none; a counter, then zeros
-    atomic_llong batch_gap_ns; // between two of them
-    atomic_bool refuses_pages; // on_page says no
+    int patience_s;             // before reception_open
+    atomic_int requests;        // answered, of /api/v1
+    atomic_bool blocks;         // /api/v1/slow is not answered while it is set
+    atomic_int waiting;         // in /api/v1/slow
+    atomic_int later, released; // answers of /api/v1/later that began, and whose data are gone
+    atomic_bool signed_out;     // no token is anybody's
+    atomic_bool promoted;       // the account has another role
+    atomic_bool forgetful;      // whose a token is cannot be found out
+    atomic_int entered;         // how often it was asked for a good token
+    atomic_int viewers, left;   // in all
+    atomic_int asked;           // for a batch
+    atomic_int pages;           // messages
+    atomic_size_t batch_size;   // of each batch, 0: there is none; a counter, then zeros
+    atomic_llong batch_gap_ns;  // between two of them
+    atomic_bool refuses_pages;  // on_page says no
 };
 
 void reception_open(struct reception *reception);

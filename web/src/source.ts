@@ -2,7 +2,7 @@
 // each with its time. Views show any of it at any time; where it comes from is the same for all of them.
 import { create } from "@bufbuild/protobuf";
 import {
-  MeshAskSchema, MeshStateSchema, Trouble_Kind, Validity, Watch_What,
+  MeshAskSchema, MeshStateSchema, Trouble_Kind, Validity, Watch_What, Why_Code,
   type AttemptState, type LiveSession, type Marker, type Metric, type Moment, type Place, type Remark, type Resection,
 } from "wire";
 import { lastBefore } from "./axes";
@@ -124,6 +124,7 @@ export class FeedSource implements Source {
   note = ""; // about a live session that goes on
   refused = false; // what is asked for is not there, or not for this account
 
+  private noteAbout: Why_Code | undefined;
   private readonly meshes = new Meshes();
   private readonly meshHistories = new Map<string, MeshHistory>();
   private readonly listeners = new Set<(change: Change) => void>();
@@ -148,7 +149,7 @@ export class FeedSource implements Source {
       feed.on("marker", (marker) => this.marked(marker)),
       feed.on("metrics", ({ metrics }) => this.set("metrics", () => (this.metrics = metrics))),
       feed.on("progress", ({ share, done }) => this.progressed(share, done)),
-      feed.on("trouble", ({ text: said, kind, why }) => this.troubled(whyOf(why, said), kind)),
+      feed.on("trouble", ({ text: said, kind, why }) => this.troubled(whyOf(why, said), kind, why?.code)),
     ];
     feed.watch(watch);
   }
@@ -214,14 +215,16 @@ export class FeedSource implements Source {
     this.history.instruments = instrumentsOf(session.instruments);
     this.history.loose = session.loose.length > 0;
     this.trouble = "";
+    if (this.noteAbout === Why_Code.SERVER_AWAY) this.note = ""; // it is back
     this.refused = false;
     if (!same) this.clear();
     this.answer(this.meshes.open());
     this.tell("session");
   }
 
-  private troubled(words: string, kind: Trouble_Kind): void {
+  private troubled(words: string, kind: Trouble_Kind, about?: Why_Code): void {
     if (kind === Trouble_Kind.NOTE && !this.recorded) {
+      this.noteAbout = about;
       this.set("trouble", () => (this.note = words));
       return;
     }

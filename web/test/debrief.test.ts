@@ -3,7 +3,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
 import {
-  LiveSessionSchema, MarkerSchema, MeshChunkSchema, MetricsSchema, MomentSchema, PlaceSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, SessionState, Trouble_Kind, TroubleSchema,
+  LiveSessionSchema, MarkerSchema, MeshChunkSchema, MetricsSchema, MomentSchema, PlaceSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, SessionState, Trouble_Kind, TroubleSchema, Why_Code, WhySchema,
 } from "wire";
 import { CaseGroup_Kind, CaseGroup_Side, Validity, type CaseGroup } from "wire";
 import { told } from "./told";
@@ -258,6 +258,15 @@ test("a note about a station stays while its session begins, and is no trouble",
   played.session();
   assert.deepEqual([played.source.note, played.source.trouble], ["This page gets no meshes", ""]);
   played.tell("link", { state: "open" });
+  assert.equal(played.source.note, "");
+});
+
+test("a note that a session's server is away goes once the session is told again", () => {
+  const played = new Played(true);
+  const why = create(WhySchema, { code: Why_Code.SERVER_AWAY, parameters: ["b"] });
+  played.tell("trouble", create(TroubleSchema, { text: "server b does not answer", kind: Trouble_Kind.NOTE, why }));
+  assert.notEqual(played.source.note, "");
+  played.session();
   assert.equal(played.source.note, "");
 });
 

@@ -35,7 +35,7 @@ export function Card({ station, now, lostMs, stop, scene }: CardProps) {
       </div>
       <div class="card-scene"><div class="mini" ref={scene} /><span class="age">{quiet !== undefined ? t.oldFor(quiet) : kind === "gone" ? t.statuses.gone : ""}</span></div>
       <div class="card-who"><span class={place.trainee ? "who" : "who quiet-text"}>{place.trainee || t.nobody}</span><span class="what">{place.info?.caseName ?? ""}</span></div>
-      <p class="done number">{t.done(place.cuts, format.number(place.removedMm3))}</p>
+      <p class="done number">{t.done(place.cuts, format.number(place.removedMm3))}{place.server && ` · ${place.server}`}</p>
       <Values of={place} there={kind !== "gone"} />
       <span class="warning">{warned && <>
         <Icon name={URGENCY_NAMES[warned.urgency] as IconName} /><b>{t.urgencies[warned.urgency]}</b><span class="words">{warned.words}</span></>}</span>

@@ -3,6 +3,8 @@
 import collections
 import json
 import os
+import shutil
+import struct
 import tempfile
 import time
 import unittest
@@ -17,6 +19,7 @@ NATS = ("nats-1", "nats-2", "nats-3")
 ROOMS = tuple(f"room-{i}" for i in range(1, 7))
 TISSUE = ("group", "mesh_number", "mesh_hash", "cuts", "removed_mm3", "pieces_mm3", "volume_mm3")
 CUTS = 2  # that the mock-ups' motion makes
+HOUR_S = 3600
 LEASE_S = 12  # so long without a renewal, and a server counts as dead
 BUFFERED_STEPS = 20  # that a server which is paused still had to write
 STATIONS, CLIENTS, ROUTES = "4810:4899", "4222", "6222"  # ports: of servers; of NATS for servers, and for NATS
@@ -33,14 +36,40 @@ class Centre(Stand):
         self.losses = collections.Counter()  # how often a session went on at another server
         self.seen, self.said = [], []  # the history so far
         self.watches = {}
+        self.ahead_s = {server: [0] for server in SERVERS}  # by so much its clock is, or was, ahead
 
     def open(self):
+        self.make_clocks()
+        self.opened = time.time()
         super().open()
         self.watches = {server: Watch(server, self.containers[server], ROOMS, self.seen) for server in SERVERS}
 
     def close(self):
         self.end_watches()
         super().close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def make_clocks(self):
+        """A library with a clock that is wrong by what a file of each server says, for changes.yaml."""
+        self.folder = self.variables["ARTHRON_CLOCKS"] = tempfile.mkdtemp(prefix="arthron-docker-")
+        os.chmod(self.folder, 0o755)
+        docker("run", "--rm", "--network", "none", "-v", f"{self.folder}:/clocks", "-v",
+               f"{SOURCE}/tests/system/wrong_clock.c:/wrong_clock.c:ro", f"arthron/build:{self.tag}", "gcc", "-shared",
+               "-fPIC", "-o", "/clocks/wrong_clock.so", "/wrong_clock.c")
+        for server in SERVERS:
+            with open(os.path.join(self.folder, server), "wb") as file:
+                file.write(struct.pack("=q", 0))
+
+    def set_clock(self, server, ahead_s):
+        """For all that runs in its container, from now on."""
+        self.injected.append(f"clock of {server} ahead by {ahead_s} s")
+        with open(os.path.join(self.folder, server), "r+b") as file:
+            file.write(struct.pack("=q", ahead_s))
+        self.ahead_s[server].append(ahead_s)
+
+    def right_time(self, server, at):
+        """What this machine's clock showed at a time in a trace: it is wrong by hours, and the tests take minutes."""
+        return next(at - ahead_s for ahead_s in self.ahead_s[server] if self.opened <= at - ahead_s <= time.time())
 
     def end_watches(self):
         for watch in self.watches.values():
@@ -220,6 +249,20 @@ class Losses(InTheCentre):
             self.wait_for_health(server)
         self.assert_all_go_on()
 
+    def test_a_clock_that_is_wrong_stops_nobody(self):
+        """One is still wrong in the tests that follow."""
+        for server, ahead_s in (("a", 30 * 24 * HOUR_S), ("b", 2 * HOUR_S)):
+            centre.set_clock(server, ahead_s)
+        time.sleep(LEASE_S)
+        self.assert_all_go_on()
+        lost, _ = self.lose(lambda server: centre.inject("kill", server))
+        centre.inject("start", lost)
+        self.wait_for_health(lost)
+        centre.set_clock("a", 0)
+        time.sleep(LEASE_S)
+        self.wait_for_protection()
+        self.assert_all_go_on()
+
     def test_a_server_that_was_paused_serves_nothing_of_what_was_taken(self):
         lost, sessions = self.lose(lambda server: centre.inject("pause", server))
         steps = {room: int(centre.trace(lost, "info", s["trace"])["steps"]) for room, s in sessions.items()}
@@ -333,8 +376,9 @@ class Parts(InTheCentre):
         for file in files:
             info, end = json.JSONDecoder().raw_decode(told.lstrip())
             told = told.lstrip()[end:]
+            begun, ended = (centre.right_time(info["server"], info[end]) for end in ("from_utc_s", "until_utc_s"))
             parts.append(Part(info["server"], info["station"], session_of(file), info["part"], info["token"],
-                              info["from_utc_s"], info["until_utc_s"],
+                              begun, ended,
                               frozenset(remark["text"] for remark in info["remarks"]),
                               sum(part["cuts"] for part in info["resections"])))
         return parts

@@ -42,6 +42,7 @@ class Stand:
         self.tag = tag
         self.files = [os.path.join(source, "docker", file), *more]
         self.injected = []  # what the running test did from outside
+        self.variables = {}  # of the files
         self.recovered = {}  # room: seconds from the fault's end to the first frame with all devices
 
     def compose(self, *arguments):
@@ -49,7 +50,7 @@ class Stand:
         any_port = {name: "" for name in ("ARTHRON_CONSOLE", *(f"ARTHRON_CONSOLE_{server}" for server in "ABC"))}
         files = [word for file in self.files for word in ("-f", file)]
         return run(*tool, "-p", self.project, *files, *arguments, timeout=600,
-                   env=dict(os.environ, ARTHRON_TAG=self.tag, **any_port))
+                   env=dict(os.environ, ARTHRON_TAG=self.tag, **any_port, **self.variables))
 
     def open(self):
         self.compose("up", "-d", "--no-build")

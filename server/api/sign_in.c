@@ -23,7 +23,7 @@ static void set_device(struct api_call *call) {
         return;
     device_make(&call->api->key, who, now_ns, device);
     snprintf(call->response->device, sizeof call->response->device,
-             "arthron-device=%s; Path=/api/v1; Max-Age=%d; Secure; HttpOnly; SameSite=Strict",
+             "arthron-device=%s; Path=/api/v1; Max-Age=%d; HttpOnly; SameSite=Strict",
              device, DEVICE_S);
 }
 
@@ -41,7 +41,7 @@ static enum result set_cookie(struct api_call *call, int status) {
     if (result == RESULT_MISSING || !call_check(call, result, &err))
         return result;
     snprintf(call->response->cookie, sizeof call->response->cookie,
-             "arthron=%s; Path=/; Secure; HttpOnly; SameSite=Strict", secret);
+             "arthron=%s; Path=/; HttpOnly; SameSite=Strict", secret);
     set_device(call);
     tries_entered(call, call->principal.actor);
     call_answer(call, status, json_pack("{s:o}", "account", account_json(&call->principal)));
@@ -201,7 +201,7 @@ void post_first(struct api_call *call) {
 
 static void drop_cookie(struct api_call *call) {
     snprintf(call->response->cookie, sizeof call->response->cookie,
-             "arthron=; Path=/; Max-Age=0; Secure; HttpOnly; SameSite=Strict");
+             "arthron=; Path=/; Max-Age=0; HttpOnly; SameSite=Strict");
     call_done(call);
 }
 

@@ -215,6 +215,10 @@ static enum result make_link(const struct web_settings *web, char out[LINK_MAX],
     static const char *const no_names[] = {NULL};
     char host[256] = "", machine[256] = "localhost";
     struct host_check *hosts;
+    if (web->is_plain) {
+        snprintf(out, LINK_MAX, "http://localhost:%d/", web->port);
+        return RESULT_OK;
+    }
     enum result result = host_check_create(web->certificate, no_names, &hosts, err);
     if (result != RESULT_OK)
         return result;
@@ -313,8 +317,8 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
     struct web_config config = {
         .address = settings->address[0] ? settings->address : NULL,
         .port = settings->port,
-        .certificate = settings->certificate,
-        .key = settings->key,
+        .certificate = settings->is_plain ? NULL : settings->certificate,
+        .key = settings->is_plain ? NULL : settings->key,
         .pages = web_pages_built_in,
         .outgoing = b->relays ? RELAYS_MAX : 0,
     };

@@ -262,8 +262,9 @@ static void write_certificates(struct exposition *e, const struct watched *w, in
     exposition_begin(e, "arthron_certificate_left_seconds", FIGURE_GAUGE, "seconds",
                      "Until a certificate ends; below 0 behind its end.");
     for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
-        exposition_value(e, "certificate", ends[i].name,
-                         (double)ends[i].until_s - (double)clock_utc_ns() / 1e9);
+        if (ends[i].until_s)
+            exposition_value(e, "certificate", ends[i].name,
+                             (double)ends[i].until_s - (double)clock_utc_ns() / 1e9);
 }
 
 // ---- all ----------------------------------------------------------------------------------------

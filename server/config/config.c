@@ -288,6 +288,7 @@ static const struct setting_key web_keys[] = {
     {"address", SETTING_TEXT, WEB(address)},
     {"certificate", SETTING_PATH, WEB(certificate)},
     {"key", SETTING_PATH, WEB(key)},
+    {"plain", SETTING_SWITCH, WEB(is_plain)},
     {"names", .take = take_names,
      .wanted = "up to 8 names of at most 63 bytes, separated by blanks"},
     {0},
@@ -420,6 +421,17 @@ static enum result complete_tasks(struct sessions_config *c, struct error *err) 
     return fail(err, RESULT_LIMIT, "[server] tasks: the path is too long");
 }
 
+static enum result complete_plain(const struct sessions_config *c, const struct web_settings *w,
+                                  struct error *err) {
+    if (strcmp(w->address, "127.0.0.1") != 0)
+        return fail(err, RESULT_INVALID,
+                    "[web] plain: passwords would cross the network for all to read; it needs "
+                    "address = 127.0.0.1");
+    if (c->cluster.jet.name[0])
+        return fail(err, RESULT_INVALID, "[web] plain: one of several servers has TLS");
+    return RESULT_OK;
+}
+
 // Browsers are served where stations are, with the server's own certificate, unless they are told
 // otherwise.
 static enum result complete_web(const struct sessions_config *c, struct web_settings *w,
@@ -432,6 +444,8 @@ static enum result complete_web(const struct sessions_config *c, struct web_sett
         return fail(err, RESULT_MISSING, "[web] needs both certificate and key, or neither");
     if (!w->address[0])
         memcpy(w->address, c->address, sizeof w->address);
+    if (w->is_plain)
+        return complete_plain(c, w, err);
     if (w->certificate[0])
         return RESULT_OK;
     const int most = SESSIONS_PATH_MAX - (int)sizeof "/server.pem";

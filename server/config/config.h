@@ -12,6 +12,7 @@
 struct web_settings {
     int port; // 0: none are
     char address[STATION_NAME_MAX];
+    bool is_plain; // HTTP without TLS, which only this machine can reach
     char certificate[SESSIONS_PATH_MAX],
         key[SESSIONS_PATH_MAX];                     // the server's own where they are not given
     char names[SERVER_NAMES_MAX][STATION_NAME_MAX]; // empty behind the last

@@ -348,10 +348,16 @@ static void put_disposition(struct answer *a, const char *name) {
     put(a, "\"\r\n");
 }
 
-static void put_headers(struct answer *a, const struct web_response *r) {
+static void put_cookie(struct answer *a, const char *cookie, bool over_tls) {
+    char secure[sizeof((struct web_response *)NULL)->cookie + sizeof "; Secure"];
+    snprintf(secure, sizeof secure, "%s; Secure", cookie);
+    put_header(a, "Set-Cookie", over_tls && cookie[0] ? secure : cookie);
+}
+
+static void put_headers(struct answer *a, const struct web_response *r, bool over_tls) {
     put_header(a, "Content-Type", r->type[0] ? r->type : "application/json");
-    put_header(a, "Set-Cookie", r->cookie);
-    put_header(a, "Set-Cookie", r->device);
+    put_cookie(a, r->cookie, over_tls);
+    put_cookie(a, r->device, over_tls);
     put_etag(a, r->etag, r->compress);
     put_disposition(a, r->download);
     put(a, "Cache-Control: %s\r\n", r->etag[0] ? "private, no-cache" : "no-store");
@@ -382,7 +388,7 @@ struct answer answer_of(const struct web_response *r, const struct answer_option
     int64_t size = a.file >= 0 ? a.left : (int64_t)a.size;
     int status = choose(&a, r, options, size);
     begin_with(&a, status, r->stands_alone ? policy_alone : policy);
-    put_headers(&a, r);
+    put_headers(&a, r, options->over_tls);
     if (packed)
         put(&a, "Content-Encoding: gzip\r\n");
     put_range(&a, r, size);

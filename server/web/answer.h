@@ -13,6 +13,7 @@
 // The headers of a request that matter for its answer. The text of a missing header is empty.
 struct answer_options {
     bool head_only;
+    bool over_tls;
     bool takes_gzip;
     char range[64], if_range[96], none_match[256];
 };

@@ -16,7 +16,7 @@
 
 struct host_check {
     char *path;
-    X509 *certificate;
+    X509 *certificate; // NULL: no TLS
     char *names[NAMES_MAX];
     int name_count;
 };
@@ -36,6 +36,10 @@ enum result host_check_create(const char *certificate_path, const char *const *n
                               struct host_check **out_check, struct error *err) {
     X509 *certificate;
     *out_check = NULL;
+    if (!certificate_path) {
+        *out_check = alloc(1, sizeof **out_check);
+        return RESULT_OK;
+    }
     enum result result = read_certificate(certificate_path, &certificate, err);
     if (result != RESULT_OK)
         return result;
@@ -93,10 +97,18 @@ static bool is_address(const char *name) {
     return inet_pton(AF_INET, name, &address) == 1 || inet_pton(AF_INET6, name, &address) == 1;
 }
 
+static bool is_loopback(const char *name) {
+    struct in_addr address;
+    return !strcasecmp(name, "localhost") || !strcmp(name, "::1") ||
+           (inet_pton(AF_INET, name, &address) == 1 && ntohl(address.s_addr) >> 24 == 127);
+}
+
 bool host_check_is_own(const struct host_check *hosts, const char *host) {
     char name[NAME_MAX_LENGTH];
     if (!name_of_host(host, name))
         return false;
+    if (!hosts->certificate)
+        return is_loopback(name);
     for (int i = 0; i < hosts->name_count; i++)
         if (!strcasecmp(name, hosts->names[i]))
             return true;
@@ -126,8 +138,8 @@ void host_check_public_name(const struct host_check *hosts, const char *name, ch
         snprintf(out_name, size, "localhost");
 }
 
-bool host_check_is_origin(const char *origin, const char *host) {
-    static const char scheme[] = "https://";
-    return !strncmp(origin, scheme, sizeof scheme - 1) &&
-           !strcasecmp(origin + sizeof scheme - 1, host);
+bool host_check_is_origin(const struct host_check *hosts, const char *origin, const char *host) {
+    const char *scheme = hosts->certificate ? "https://" : "http://";
+    size_t length = strlen(scheme);
+    return !strncmp(origin, scheme, length) && !strcasecmp(origin + length, host);
 }

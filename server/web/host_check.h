@@ -11,7 +11,8 @@
 
 struct host_check;
 
-// names: other names of the server, NULL behind the last. RESULT_MISSING or RESULT_FORMAT name the
+// names: other names of the server, NULL behind the last. certificate_path NULL: the server has no
+// TLS, and no name but those of this machine for itself. RESULT_MISSING or RESULT_FORMAT name the
 // file of the certificate.
 enum result host_check_create(const char *certificate_path, const char *const *names,
                               struct host_check **out_check, struct error *err);
@@ -27,5 +28,5 @@ bool host_check_is_own(const struct host_check *hosts, const char *host);
 void host_check_public_name(const struct host_check *hosts, const char *name, char *out_name,
                             size_t size);
 
-// Whether `origin` is this host over HTTPS.
-bool host_check_is_origin(const char *origin, const char *host);
+// Whether `origin` is this host over HTTPS, or over HTTP where the server has no TLS.
+bool host_check_is_origin(const struct host_check *hosts, const char *origin, const char *host);

@@ -152,7 +152,7 @@ static struct refusal check_host(const struct web_connection *c, char *out_host,
 static struct refusal check_origin(const struct web_connection *c, const char *host, bool needed) {
     char origin[300];
     bool fits = header(c->socket, WSI_TOKEN_ORIGIN, origin, sizeof origin);
-    if (fits && (origin[0] ? host_check_is_origin(origin, host) : !needed))
+    if (fits && (origin[0] ? host_check_is_origin(c->web->hosts, origin, host) : !needed))
         return (struct refusal){0};
     return (struct refusal){403, "origin", "Only pages of this server may send this request.",
                             false};
@@ -288,6 +288,7 @@ int http_begin(struct web_connection *c) {
     read_token(c->socket, task->token, &task->by_cookie);
     read_device(c->socket, task->device);
     read_options(c->socket, &task->options);
+    task->options.over_tls = c->web->tls_files != NULL;
     task->is_passed_on = is_passed_on(c->socket);
     task->takes_openmetrics = takes_openmetrics(c->socket);
     memcpy(task->address, c->address, sizeof task->address);

@@ -174,6 +174,8 @@ static void limit_turns(void *user) {
 static void on_renewal_due(lws_sorted_usec_list_t *due);
 
 static void plan_renewal(struct web *web) {
+    if (!web->tls_files)
+        return;
     lws_sul_schedule(web->context, 0, &web->renewal_due, on_renewal_due, RENEWAL_US);
 }
 
@@ -220,7 +222,8 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
                                               .on_stop = on_stop,
                                               .is_empty = is_empty,
                                               .after_turn = limit_turns};
-    enum result result = ws_server_create(WS_SERVER_TLS, &info, &handler, &web->server, err);
+    enum ws_server_kind kind = config->certificate ? WS_SERVER_TLS : WS_SERVER_PLAIN;
+    enum result result = ws_server_create(kind, &info, &handler, &web->server, err);
     if (result != RESULT_OK)
         return result;
     web->context = ws_server_context(web->server);
@@ -245,6 +248,16 @@ static void share_places(struct web *web, int outgoing) {
     web->places = places - web->outgoing;
 }
 
+static enum result read_certificate(struct web *web, const struct web_config *config,
+                                    struct error *err) {
+    enum result result = host_check_create(config->certificate, config->names, &web->hosts, err);
+    if (result == RESULT_OK && config->certificate)
+        result = tls_files_create(config->certificate, config->key, &web->tls_files, NULL, err);
+    if (web->tls_files)
+        atomic_store(&web->certificate_until_s, tls_files_end_s(web->tls_files));
+    return result;
+}
+
 enum result web_create(const struct web_config *config, const struct web_handler *handler,
                        struct web **out_web, struct error *err) {
     struct web *web = alloc(1, sizeof *web);
@@ -257,13 +270,9 @@ enum result web_create(const struct web_config *config, const struct web_handler
     web->guests = guests_create();
     share_places(web, config->outgoing);
     *out_web = NULL;
-    enum result result = host_check_create(config->certificate, config->names, &web->hosts, err);
+    enum result result = read_certificate(web, config, err);
     if (result == RESULT_OK)
-        result = tls_files_create(config->certificate, config->key, &web->tls_files, NULL, err);
-    if (result == RESULT_OK) {
-        atomic_store(&web->certificate_until_s, tls_files_end_s(web->tls_files));
         result = listen_at(web, config, err);
-    }
     if (result != RESULT_OK) {
         release(web);
         return result;

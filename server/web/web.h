@@ -5,7 +5,8 @@
 //
 // Host must be a name of the server's certificate, one of `names`, localhost or an IP address.
 // Origin, if it is there, must be the same host. A request that changes something needs it if it
-// carries the cookie.
+// carries the cookie. Without TLS, Host must be localhost or one of its addresses, whatever else
+// this machine is called.
 #pragma once
 
 #include "base/result.h"
@@ -41,13 +42,13 @@ struct web_request {
     const char *query;  // as received, without '?'
     const char *body;   // of `size` bytes, and a 0 behind them
     size_t size;
-    const char *token;   // of the cookie `arthron` or of `Authorization: Bearer`; NULL: none
-    bool by_cookie;      // the token is the cookie's
-    const char *device;  // of the cookie `arthron-device`; NULL: none
-    const char *address; // the browser's
-    bool is_near;        // an IPv6 address of the server's own network (base/source.h)
-    bool is_passed_on;   // by another server (WEB_VIA)
-    bool takes_openmetrics;       // by its Accept
+    const char *token;      // of the cookie `arthron` or of `Authorization: Bearer`; NULL: none
+    bool by_cookie;         // the token is the cookie's
+    const char *device;     // of the cookie `arthron-device`; NULL: none
+    const char *address;    // the browser's
+    bool is_near;           // an IPv6 address of the server's own network (base/source.h)
+    bool is_passed_on;      // by another server (WEB_VIA)
+    bool takes_openmetrics; // by its Accept
     const char *range, *if_range; // the headers, for who passes it on; NULL: none
 };
 
@@ -66,8 +67,8 @@ struct web_response {
     bool stands_alone;      // a page with its own style, without scripts and links to other files
     bool compress;          // with gzip, for browsers that accept it; a compressed file is cached
     char etag[80];          // without quotes; empty: browsers must not store it
-    char cookie[256];       // the value of Set-Cookie
-    char device[256];       // the value of another Set-Cookie
+    char cookie[256];       // the value of Set-Cookie; this room adds Secure where there is TLS
+    char device[256];       // the value of another one
     char download[128];     // the file name for a browser's download
     int retry_after_s;
     // The answer has to be waited for: `later` makes it, on one of WEB_LATER_THREADS threads that
@@ -127,7 +128,7 @@ struct web_config {
     const char *address;     // to listen on; NULL for all
     int port;                // 0: any free port, see web_port
     const char *certificate; // PEM, with its chain; a new file is loaded within a second
-    const char *key;
+    const char *key;         // NULL, as the certificate: HTTP without TLS, for this machine alone
     const char *names[WEB_NAMES_MAX + 1]; // other names of the server; NULL behind the last
     struct web_pages pages;
     int timeout_s; // of a browser that stops sending or reading; 0: 20

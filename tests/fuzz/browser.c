@@ -21,11 +21,14 @@ static void page(const uint8_t *data, size_t size) {
 }
 
 static void texts(const char *text) {
+    static struct host_check *hosts;
+    if (!hosts)
+        host_check_create(NULL, (const char *const[]){NULL}, &hosts, NULL);
     char token[WEB_TOKEN_MAX];
     int64_t from, to;
     if (token_of_cookies(text, token) || token_of_authorization(text, token))
         CHECK(token[0] && !strpbrk(token, " ;,\"\r\n"));
-    host_check_is_origin(text, "localhost:4880");
+    host_check_is_origin(hosts, text, "localhost:4880");
     for (int64_t size = 0; size < 3000; size += 999)
         if (range_parse(text, size, &from, &to) == RANGE_SOME)
             CHECK(from >= 0 && from < to && to <= size);

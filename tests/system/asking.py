@@ -45,7 +45,7 @@ class Asking(SystemTest):
 
     def cookie(self, answer):
         value = answer.headers["Set-Cookie"]
-        self.assertRegex(value, "; Path=/; Secure; HttpOnly; SameSite=Strict$")
+        self.assertRegex(value, "; Path=/; HttpOnly; SameSite=Strict; Secure$")
         return {"cookie": re.match("arthron=([0-9a-f]{64});", value)[1]}
 
     def make_first(self, server):

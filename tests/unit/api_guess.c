@@ -55,7 +55,7 @@ static const char *device_cookie(void) {
     char *value = values[next++ % 2];
     assert_int_equal(sscanf(answer.device, "arthron-device=%96[0-9a-f];", value), 1);
     assert_int_equal(strlen(value), 96);
-    assert_non_null(strstr(answer.device, "; Path=/api/v1; Max-Age=7776000; Secure; HttpOnly"));
+    assert_non_null(strstr(answer.device, "; Path=/api/v1; Max-Age=7776000; HttpOnly"));
     return value;
 }
 

@@ -24,7 +24,7 @@ static const char *cookie(void) {
     value[0] = '\0';
     sscanf(answer.cookie, "arthron=%64[0-9a-f];", value);
     assert_int_equal(strlen(value), 64);
-    assert_non_null(strstr(answer.cookie, "; Path=/; Secure; HttpOnly; SameSite=Strict"));
+    assert_non_null(strstr(answer.cookie, "; Path=/; HttpOnly; SameSite=Strict"));
     return value;
 }
 

@@ -80,6 +80,8 @@ static void what_cannot_be_is_named(void **state) {
         {SERVER "[web]\nport = 4880\n", "[web] needs [server] records"},
         {SERVER RECORDS "[web]\nport = 4880\nkey = k.pem\n", "both certificate and key"},
         {SERVER RECORDS "[web]\nport = 4880\ncertificate = c.pem\n", "both certificate and key"},
+        {SERVER RECORDS "[web]\nport = 4880\nplain = yes\n", "it needs address = 127.0.0.1"},
+        {SERVER RECORDS "[web]\nport = 4880\nplain = yes\naddress = ::1\n", "address = 127.0.0.1"},
         {SERVER RECORDS "[web]\nport = 65536\n", "port"},
         {SERVER RECORDS "[web]\nport = -1\n", "port"},
         {SERVER RECORDS "[web]\nport = 4880\nnames = a b c d e f g h i\n", "names"},

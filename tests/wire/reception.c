@@ -103,7 +103,7 @@ static void on_request(void *user, const struct web_request *q, struct web_respo
     } else if (!strcmp(q->path, "/api/v1/via")) {
         tell_of_passing_on(q, out);
     } else if (!strcmp(q->path, "/api/v1/cookie")) {
-        strcpy(out->cookie, "arthron=good; Path=/; Secure; HttpOnly; SameSite=Strict");
+        strcpy(out->cookie, "arthron=good; Path=/; HttpOnly; SameSite=Strict");
         out->retry_after_s = 7;
     } else {
         echo(q, out);

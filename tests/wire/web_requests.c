@@ -51,7 +51,7 @@ static void the_handler_gets_what_was_asked(void **state) {
     expect_echo(browser_hear(browser, false), "POST|/api/v1/a||-|0|127.0.0.1|hello");
     struct answered a = browser_ask(browser, "GET /api/v1/cookie", "");
     assert_int_equal(a.status, 204);
-    expect_header(&a, "Set-Cookie", "arthron=good; Path=/; Secure; HttpOnly; SameSite=Strict");
+    expect_header(&a, "Set-Cookie", "arthron=good; Path=/; HttpOnly; SameSite=Strict; Secure");
     expect_header(&a, "Retry-After", "7");
     free(a.body);
     browser_close(browser);

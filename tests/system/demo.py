@@ -37,7 +37,8 @@ class Tree(unittest.TestCase):
         for name in ("demo", "check"):
             shutil.copy(os.path.join(SOURCE, name), self.tree)
         shutil.copytree(os.path.join(SOURCE, "cases"), os.path.join(self.tree, "cases"))
-        for name in ("docker/packages/fresh-build-folder", "station/mockup/place-recording"):
+        for name in ("docker/packages/fresh-build-folder", "station/mockup/place-recording",
+                     "station/mockup/play-week"):
             os.makedirs(os.path.dirname(os.path.join(self.tree, name)), exist_ok=True)
             shutil.copy(os.path.join(SOURCE, name), os.path.join(self.tree, name))
         self.path = os.path.join(self.base, "bin")
@@ -60,13 +61,19 @@ class Tree(unittest.TestCase):
         return read(path).split() if os.path.exists(path) else []
 
     @unittest.skipUnless(os.geteuid() == 0, "only root's demo runs as another user")
-    def test_root_learns_before_anything_is_built_that_nobody_cannot_enter(self):
+    def test_in_a_folder_of_root_the_programs_run_elsewhere(self):
+        os.mkdir(os.path.join(self.tree, "run"))  # of a tree that was moved
+        write(os.path.join(self.tree, "run/kept"), "")
         os.chmod(self.base, 0o700)
-        done = self.run_script("demo")
-        self.assertEqual(done.returncode, 2, done.stderr)
-        self.assertIn(f"cannot enter {self.base}.", done.stderr)
-        self.assertIn("mv ", done.stderr)
-        self.assertEqual(self.calls(), [])
+        told = self.run_script("demo").stderr
+        run = os.path.join(self.tree, "run")
+        self.addCleanup(shutil.rmtree, os.path.realpath(run))
+        self.assertIn(f"cannot enter {self.tree}: run/ is in {os.path.realpath(run)}", told)
+        self.assertTrue(os.path.exists(os.path.join(run, "kept")))
+        as_nobody = ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups", "test", "-x"]
+        self.assertEqual(subprocess.run([*as_nobody, os.path.realpath(run)]).returncode, 0)
+        self.assertEqual(subprocess.run([*as_nobody, self.tree]).returncode, 1)
+        self.assertNotIn("run/ is in", self.run_script("demo").stderr)  # it stays there
 
     def test_a_second_demo_says_that_one_runs_and_which(self):
         self.fake_cmake("touch building; while [ -e building ]; do sleep 0.05; done; exit 1")

@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { Account } from "../api";
 import type { App, View } from "../app";
-import { Field, Form, Icon, Tabs, view } from "../kit";
+import { Field, Form, Icon, Loading, Tabs, view } from "../kit";
 import { text } from "../text";
 
 const PASSWORD_LEAST = 10;
@@ -49,6 +49,18 @@ export const first: View = view(({ route, app }) => {
       </First>
     </Card>
   );
+});
+
+/** #/demo/NAME/PASSWORD, which ./demo prints. No server but that of the demo is reached without TLS. */
+export const demo: View = view(({ route, app }) => {
+  useEffect(() => {
+    app.title(text.signIn.title);
+    const entry = location.protocol === "http:"
+      ? app.api.post<Answer>("/sign-in", { name: route.args[0] ?? "", password: route.args[1] ?? "" })
+      : Promise.reject(new Error("over TLS"));
+    entry.then(({ account }) => app.signedIn(account), () => location.replace("#/sign-in"));
+  }, []);
+  return <Loading />;
 });
 
 function PasswordForm({ app }: { app: App }) {

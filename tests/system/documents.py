@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""What the documents say is there: files and headings that they link to, programs with their commands and options, and
-paths of the source."""
+"""What the documents say is there: files and headings that they link to, programs with their commands and options,
+paths of the source, and messages."""
 
 import functools
 import os
@@ -68,6 +68,14 @@ def unknown_in(command):
     return ""
 
 
+@functools.cache
+def said_by_programs():
+    """The source of programs and pages, with texts of several lines joined."""
+    files = [path for folder in ("server", "shared", "station") for path in (SOURCE / folder).rglob("*.c")]
+    text = "\n".join(path.read_text() for path in [*files, SOURCE / "web/src/text.ts"])
+    return re.sub(r'"\s*\n\s*"', "", text)
+
+
 class Documents(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -120,6 +128,13 @@ class Documents(unittest.TestCase):
                     if not (SOURCE / word).exists() and not NAMELESS.search(word):
                         wrong.append(f"{manual.path.relative_to(SOURCE)}: {word}")
         self.nothing_wrong("paths", count, 200, wrong)
+
+    def test_each_message_of_the_troubleshooting_is_in_the_source(self):
+        text = (SOURCE / "docs/TECHNICIAN.md").read_text()
+        rows = [row.split(" | ")[1] for row in text[text.index("## Troubleshooting"):].splitlines() if row.count(" | ") == 2]
+        messages = [message for row in rows for message in re.findall("`([^`]+)`", row)]
+        wrong = [message for message in messages if message not in said_by_programs()]
+        self.nothing_wrong("messages of the troubleshooting", len(messages), 20, wrong)
 
     def test_each_option_of_a_script_is_in_it(self):
         count, wrong = 0, []

@@ -37,7 +37,7 @@ class Manual:
                 chapter = self.add_anchor(text)
                 self.chapters[chapter] = []
             elif token.type in ("code_block", "fence"):
-                self.chapters[chapter].append(token.content)
+                self.chapters[chapter].append(token)
             self.look_into(token.children or ())
 
     def add_anchor(self, heading):
@@ -56,9 +56,13 @@ class Manual:
                 if name in child.attrs:
                     self.links.append(child.attrs[name])
 
-    def blocks(self, *chapters):
+    def blocks(self, *chapters, language=None):
         """The code of these chapters, by the anchors of their headings; of all without any."""
-        return [block for chapter in chapters or self.chapters for block in self.chapters[chapter]]
+        return [token.content for chapter in chapters or self.chapters for token in self.chapters[chapter]
+                if language in (None, token.info)]
+
+    def commands(self, *chapters):
+        return [line for block in self.blocks(*chapters, language="") for line in lines(block)]
 
 
 def lines(block):

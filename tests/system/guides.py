@@ -1,0 +1,216 @@
+#!/usr/bin/env python3
+"""What the guides for beginners, technicians and researchers show is run as it is written there: the commands and
+configs are read from the documents. Only places, addresses and the length of the demo are others."""
+
+import glob
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+from arthron import BIN, CASES, SOURCE, SystemTest, call_json, free_port, program, text_of, wait_until
+from manuals import Manual
+
+PROGRAMS = ("case", "mockup", "server", "station", "trace")
+
+
+def document(name):
+    return Manual(os.path.join(SOURCE, "docs", name))
+
+
+def run(line, folder, environment=None):
+    """The output of a command, which must succeed."""
+    done = subprocess.run(["bash", "-c", line], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+                          capture_output=True, text=True, timeout=240)
+    if done.returncode:
+        raise AssertionError(f"{line}: exit {done.returncode}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def newest(pattern):
+    return max(glob.glob(pattern), key=os.path.getmtime)
+
+
+class Start(unittest.TestCase):
+    """The demo in a tree of its own, with programs that are built already and one recipe."""
+
+    def setUp(self):
+        self.tree = tempfile.mkdtemp(prefix="arthron-start-")
+        self.addCleanup(shutil.rmtree, self.tree)
+        os.chmod(self.tree, 0o755)
+        for name in ("demo", "docker/packages/fresh-build-folder"):
+            os.makedirs(os.path.dirname(self.path(name)), exist_ok=True)
+            shutil.copy(os.path.join(SOURCE, name), self.path(name))
+        for name in ("arthrosis", "motions"):
+            shutil.copytree(os.path.join(SOURCE, "cases", name), self.path("cases/" + name))
+        os.makedirs(self.path("build/release/bin"))
+        for name in PROGRAMS:
+            shutil.copy(program("arthron-" + name), self.path("build/release/bin"))
+        os.mkdir(self.path("bin"))
+        for name in ("bin/cmake", "docker/packages/install"):
+            with open(self.path(name), "w") as file:
+                file.write("#!/bin/sh\n")
+            os.chmod(self.path(name), 0o755)
+        self.hold_the_usual_port()
+
+    def path(self, name):
+        return os.path.join(self.tree, name)
+
+    def hold_the_usual_port(self):
+        """So the demo takes a free one, and not this one, which another program may take meanwhile."""
+        held = socket.socket()
+        self.addCleanup(held.close)
+        try:
+            held.bind(("127.0.0.1", 4880))
+        except OSError:
+            pass  # another program has it
+
+    def test_the_start_shows_a_session_and_what_it_recorded(self):
+        guide = document("START.md")
+        environment = {**os.environ, "PATH": f"{self.path('bin')}:{os.environ['PATH']}"}
+        [demo] = guide.commands("2-run-it")
+        said = run(demo.replace("--seconds 60", "--seconds 3"), self.tree, environment)
+        self.assertIn("poses sent", said)
+        trace = os.path.relpath(newest(self.path("run/traces/demo-*.trace")), self.tree)
+        commands = guide.commands("3-look-at-what-was-recorded", "4-compute-it-again")
+        self.assertGreaterEqual(len(commands), 5)
+        for line in commands:
+            self.assertIn("demo-….trace", line)
+            run(line.replace("run/traces/demo-….trace", trace), self.tree)
+        self.assertIn("<svg", text_of(self.path("run/session.html")))
+
+
+class Centre(SystemTest):
+    """The server and the station of INSTALL.md, whose folders begin in that of the test."""
+
+    def setUp(self):
+        super().setUp()
+        self.etc, self.srv = self.path("etc/arthron"), self.path("srv/arthron")
+        os.makedirs(self.etc)
+        os.makedirs(os.path.join(self.srv, "cases"))
+        os.symlink(os.path.join(CASES, "arthrosis"), os.path.join(self.srv, "cases/arthrosis"))
+        os.symlink(os.path.join(SOURCE, "cases/tasks"), os.path.join(self.srv, "cases/tasks"))
+        self.socket = os.path.join(self.srv, "server.sock")
+        self.code = "CODE"
+        self.install = document("INSTALL.md")
+        self.start_mockup()
+        [init] = [line for line in self.install.commands("2-the-server") if "keys init" in line]
+        self.run(init)
+        self.server = self.serve()
+
+    def here(self, text):
+        """As a document says it, at the places of this test."""
+        traces = glob.glob(os.path.join(self.srv, "traces/room-1-*.trace"))
+        trace = os.path.basename(max(traces, key=os.path.getmtime)) if traces else "no trace"
+        for there, ours in (("runuser -u arthron -- ", ""), ("-o arthron -g arthron ", ""), ("/etc/arthron", self.etc),
+                            ("/srv/arthron", self.srv), ("/opt/arthron", SOURCE), ("CODE", self.code),
+                            ("server.example.org:4810", f"127.0.0.1:{self.port}"), ("127.0.0.1:5020", self.modbus),
+                            ("10.0.0.9:502", self.modbus), ("127.0.0.1:18944", self.tracker),
+                            ("10.0.0.8:18944", self.tracker), ("room-1-….trace", trace)):
+            text = text.replace(there, ours)
+        return text
+
+    def run(self, line):
+        if isinstance(line, unittest.TestResult):
+            return super().run(line)
+        return run(self.here(line), self.folder, {**os.environ, "PATH": f"{BIN}:{os.environ['PATH']}"})
+
+    def config(self, chapter, section):
+        """The config that INSTALL.md shows in the chapter, which begins with the section."""
+        [text] = [block for block in self.install.blocks(chapter) if block.startswith(section)]
+        return self.here(text)
+
+    def serve(self):
+        self.write("etc/arthron/server.ini", self.config("2-the-server", "[server]"))
+        ports = {"server.port": self.port, "server.udp_port": self.udp_port, "web.port": free_port(),
+                 "server.address": "127.0.0.1", "server.workers": 1}
+        options = [word for key, value in ports.items() for word in ("--set", f"{key}={value}")]
+        server = self.start("server", "arthron-server", "run", "--config", os.path.join(self.etc, "server.ini"), *options)
+        server.wait_for_log("ready")
+        return server
+
+    def follow(self, guide, *chapters):
+        """Runs the commands of the chapters, and returns what each said."""
+        return [self.run(line) for chapter in chapters for line in guide.commands(chapter)]
+
+    def enrol_by(self, guide):
+        make, enrol, *rest = guide.commands("enrol")
+        self.code = self.run(make).strip()
+        self.run(enrol)
+        return rest
+
+    def train(self):
+        """A station that is enrolled and calibrated: its session steps."""
+        date = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+        self.write("etc/arthron/calibration.ini",
+                   f"[tip tracker probe]\ndate = {date}\nresidual = 0.1\ntip_mm = 0 0 0\n")
+        text = self.config("3-a-station", "[station]").replace("[station]\n", "[station]\ncalibration = calibration.ini\n")
+        self.write("etc/arthron/station.ini", text)
+
+    def begin(self):
+        self.start("room-1", "arthron-station", "run", "--config", os.path.join(self.etc, "station.ini"))
+        wait_until("a session", lambda: self.session()["steps"] > 20)
+
+    # ---- the guides
+
+    def test_a_technician_enrols_checks_backs_up_restores_and_renews(self):
+        guide = document("TECHNICIAN.md")
+        [revoke] = self.enrol_by(guide)
+        self.run(revoke)
+        self.enrol_by(guide)  # a station that was revoked
+        self.train()
+        [probed] = self.follow(guide, "probe")
+        self.assertIn("[device ", probed)
+        checked, listed = self.follow(guide, "check")
+        self.assertIn("room-1: ready", checked)
+        self.assertIn("room-1", listed)
+        self.follow(guide, "back-up")
+        self.assertTrue(glob.glob(os.path.join(self.srv, "backup/*.db")))
+        *_, verified = self.follow(guide, "restore")
+        self.assertIn("the audit log is whole", verified)
+        self.assertTrue(glob.glob(os.path.join(self.srv, "records.db.replaced-*")))
+        self.begin()
+        [renew] = guide.commands("renew")
+        before = text_of(os.path.join(self.etc, "keys/server.pem"))
+        self.run(renew)
+        self.assertNotEqual(text_of(os.path.join(self.etc, "keys/server.pem")), before)
+        self.server.wait_for_log("certificate")
+        self.wait_for_steps()
+
+    def test_a_researcher_gets_tables_and_traces_of_a_study(self):
+        guide = document("STUDY.md")
+        self.enrol_by(document("TECHNICIAN.md"))
+        self.train()
+        self.begin()
+        self.follow(guide, "pseudonyms")
+        for line in guide.commands("run"):
+            self.run(line)
+            if " start room-1" in line or " begin room-1" in line:
+                self.wait_for_steps(20)
+        db = os.path.join(self.srv, "records.db")
+        wait_until("the attempt's row", lambda: call_json("arthron-server", "records", "--file", db, "list", "attempts"))
+        wait_until("the end of the session", lambda: all(
+            s["state"] == "closed" for s in call_json("arthron-server", "records", "--file", db, "list", "sessions")))
+        self.follow(guide, "export")
+        [read_tables], [read_trace] = (guide.blocks(chapter, language="python") for chapter in ("export", "traces"))
+        told = run_python(self.here(read_tables))
+        self.assertRegex(told, r"^trainee-\d+ palpation not yet ")
+        self.follow(guide, "traces")
+        self.assertTrue(text_of(os.path.join(self.srv, "p01.csv")).startswith("t_seconds,input,flexion_deg,probe_tx_mm"))
+        self.assertRegex(run_python(self.here(read_trace)), r"^\d+ steps, flexion from ")
+        self.assertIn("traces/room-1-", self.follow(guide, "withdrawal")[0])
+
+
+def run_python(text):
+    done = subprocess.run([sys.executable, "-B", "-c", text], capture_output=True, text=True, timeout=60)
+    if done.returncode:
+        raise AssertionError(f"{text}\n{done.stderr}")
+    return done.stdout
+
+
+if __name__ == "__main__":
+    unittest.main()

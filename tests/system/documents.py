@@ -131,7 +131,8 @@ class Documents(unittest.TestCase):
 
     def test_each_message_of_the_troubleshooting_is_in_the_source(self):
         text = (SOURCE / "docs/TECHNICIAN.md").read_text()
-        rows = [row.split(" | ")[1] for row in text[text.index("## Troubleshooting"):].splitlines() if row.count(" | ") == 2]
+        rows = [row.split(" | ")[1] for row in text[text.index("## Troubleshooting"):].splitlines()
+                if row.count(" | ") == 2]
         messages = [message for row in rows for message in re.findall("`([^`]+)`", row)]
         wrong = [message for message in messages if message not in said_by_programs()]
         self.nothing_wrong("messages of the troubleshooting", len(messages), 20, wrong)

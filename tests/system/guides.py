@@ -6,13 +6,14 @@ import glob
 import os
 import shutil
 import socket
+import ssl
 import subprocess
 import sys
 import tempfile
 import time
 import unittest
 
-from arthron import BIN, CASES, SOURCE, SystemTest, call_json, free_port, program, text_of, wait_until
+from arthron import BIN, CASES, PATIENCE_S, SOURCE, SystemTest, call_json, free_port, program, text_of, wait_until
 from manuals import Manual
 
 PROGRAMS = ("case", "mockup", "server", "station", "trace")
@@ -99,8 +100,8 @@ class Centre(SystemTest):
         self.install = document("INSTALL.md")
         self.start_mockup()
         [init] = [line for line in self.install.commands("2-the-server") if "keys init" in line]
-        self.run(init)
-        self.server = self.serve()
+        self.do(init)
+        self.serve()
 
     def here(self, text):
         """As a document says it, at the places of this test."""
@@ -114,9 +115,7 @@ class Centre(SystemTest):
             text = text.replace(there, ours)
         return text
 
-    def run(self, line):
-        if isinstance(line, unittest.TestResult):
-            return super().run(line)
+    def do(self, line):
         return run(self.here(line), self.folder, {**os.environ, "PATH": f"{BIN}:{os.environ['PATH']}"})
 
     def config(self, chapter, section):
@@ -126,81 +125,97 @@ class Centre(SystemTest):
 
     def serve(self):
         self.write("etc/arthron/server.ini", self.config("2-the-server", "[server]"))
-        ports = {"server.port": self.port, "server.udp_port": self.udp_port, "web.port": free_port(),
+        self.web_port = free_port()
+        ports = {"server.port": self.port, "server.udp_port": self.udp_port, "web.port": self.web_port,
                  "server.address": "127.0.0.1", "server.workers": 1}
         options = [word for key, value in ports.items() for word in ("--set", f"{key}={value}")]
-        server = self.start("server", "arthron-server", "run", "--config", os.path.join(self.etc, "server.ini"), *options)
-        server.wait_for_log("ready")
-        return server
+        config = os.path.join(self.etc, "server.ini")
+        self.start("server", "arthron-server", "run", "--config", config, *options).wait_for_log("ready")
 
     def follow(self, guide, *chapters):
         """Runs the commands of the chapters, and returns what each said."""
-        return [self.run(line) for chapter in chapters for line in guide.commands(chapter)]
+        return [self.do(line) for chapter in chapters for line in guide.commands(chapter)]
 
     def enrol_by(self, guide):
         make, enrol, *rest = guide.commands("enrol")
-        self.code = self.run(make).strip()
-        self.run(enrol)
+        self.code = self.do(make).strip()
+        self.do(enrol)
         return rest
 
-    def train(self):
-        """A station that is enrolled and calibrated: its session steps."""
+    def configure_station(self):
+        """As INSTALL.md shows, and calibrated."""
         date = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         self.write("etc/arthron/calibration.ini",
                    f"[tip tracker probe]\ndate = {date}\nresidual = 0.1\ntip_mm = 0 0 0\n")
-        text = self.config("3-a-station", "[station]").replace("[station]\n", "[station]\ncalibration = calibration.ini\n")
-        self.write("etc/arthron/station.ini", text)
+        text = self.config("3-a-station", "[station]")
+        named = text.replace("[station]\n", "[station]\ncalibration = calibration.ini\n")
+        self.write("etc/arthron/station.ini", named)
 
-    def begin(self):
+    def do_until_it_succeeds(self, line):
+        """On a busy machine the check finds answers that come late. Then it is run again, as a technician would."""
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                return self.do(line)
+            except AssertionError:
+                if time.monotonic() > end:
+                    raise
+
+    def run_station(self):
         self.start("room-1", "arthron-station", "run", "--config", os.path.join(self.etc, "station.ini"))
         wait_until("a session", lambda: self.session()["steps"] > 20)
+
+    def shown_certificate(self):
+        return ssl.get_server_certificate(("127.0.0.1", self.web_port))
 
     # ---- the guides
 
     def test_a_technician_enrols_checks_backs_up_restores_and_renews(self):
         guide = document("TECHNICIAN.md")
         [revoke] = self.enrol_by(guide)
-        self.run(revoke)
+        self.do(revoke)
         self.enrol_by(guide)  # a station that was revoked
-        self.train()
+        self.configure_station()
         [probed] = self.follow(guide, "probe")
         self.assertIn("[device ", probed)
-        checked, listed = self.follow(guide, "check")
-        self.assertIn("room-1: ready", checked)
-        self.assertIn("room-1", listed)
+        check, list_stations = guide.commands("check")
+        self.assertIn("room-1: ready", self.do_until_it_succeeds(check))
+        self.assertIn("room-1", self.do(list_stations))
         self.follow(guide, "back-up")
         self.assertTrue(glob.glob(os.path.join(self.srv, "backup/*.db")))
         *_, verified = self.follow(guide, "restore")
         self.assertIn("the audit log is whole", verified)
         self.assertTrue(glob.glob(os.path.join(self.srv, "records.db.replaced-*")))
-        self.begin()
+        self.run_station()
         [renew] = guide.commands("renew")
-        before = text_of(os.path.join(self.etc, "keys/server.pem"))
-        self.run(renew)
-        self.assertNotEqual(text_of(os.path.join(self.etc, "keys/server.pem")), before)
-        self.server.wait_for_log("certificate")
+        before = self.shown_certificate()
+        self.do(renew)
+        wait_until("a new certificate", lambda: self.shown_certificate() != before)
         self.wait_for_steps()
 
     def test_a_researcher_gets_tables_and_traces_of_a_study(self):
         guide = document("STUDY.md")
         self.enrol_by(document("TECHNICIAN.md"))
-        self.train()
-        self.begin()
+        self.configure_station()
+        self.run_station()
         self.follow(guide, "pseudonyms")
         for line in guide.commands("run"):
-            self.run(line)
+            self.do(line)
             if " start room-1" in line or " begin room-1" in line:
                 self.wait_for_steps(20)
         db = os.path.join(self.srv, "records.db")
-        wait_until("the attempt's row", lambda: call_json("arthron-server", "records", "--file", db, "list", "attempts"))
-        wait_until("the end of the session", lambda: all(
-            s["state"] == "closed" for s in call_json("arthron-server", "records", "--file", db, "list", "sessions")))
+
+        def rows(what):
+            return call_json("arthron-server", "records", "--file", db, "list", what)
+        wait_until("the attempt's row", lambda: rows("attempts"))
+        wait_until("the ends of the sessions", lambda: all(row["state"] == "closed" for row in rows("sessions")))
         self.follow(guide, "export")
         [read_tables], [read_trace] = (guide.blocks(chapter, language="python") for chapter in ("export", "traces"))
         told = run_python(self.here(read_tables))
         self.assertRegex(told, r"^trainee-\d+ palpation not yet ")
         self.follow(guide, "traces")
-        self.assertTrue(text_of(os.path.join(self.srv, "p01.csv")).startswith("t_seconds,input,flexion_deg,probe_tx_mm"))
+        table = text_of(os.path.join(self.srv, "p01.csv"))
+        self.assertTrue(table.startswith("t_seconds,input,flexion_deg,probe_tx_mm"))
         self.assertRegex(run_python(self.here(read_trace)), r"^\d+ steps, flexion from ")
         self.assertIn("traces/room-1-", self.follow(guide, "withdrawal")[0])
 

@@ -11,6 +11,7 @@
 #include "net/authority.h"
 #include "sessions/resources.h"
 #include "sessions/sessions.h"
+#include "watch/log_journal.h"
 #include "watch/log_json.h"
 
 #include <errno.h>
@@ -246,6 +247,7 @@ int command_run(int argc, char **argv) {
         {0},
     };
     struct request request = {.field = FIELD_INTEGRAL};
+    log_to_journal();
     for (int o; (o = getopt_long(argc, argv, "c:s:v", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/log.h"
+#include "watch/log_station.h"
 
 #include <jansson.h>
 #include <stdio.h>
@@ -21,12 +22,12 @@ static json_t *text_of(const char *text, size_t size) {
 }
 
 static void print(const struct log_line *line) {
-    static const char station[] = "station ";
+    size_t size;
+    const char *station = log_station(line->text, &size);
     json_t *object =
         json_pack("{ss ss ss}", "time", line->when, "level", line->level, "room", line->room);
-    const char *name = line->text + sizeof station - 1;
-    if (!strncmp(line->text, station, sizeof station - 1))
-        json_object_set_new(object, "station", text_of(name, strcspn(name, ": ")));
+    if (station)
+        json_object_set_new(object, "station", text_of(station, size));
     json_object_set_new(object, "message", text_of(line->text, strlen(line->text)));
     char *text = json_dumps(object, JSON_COMPACT); // one write: others have this stderr, too
     fprintf(stderr, "%s\n", text ? text : "{}");

@@ -4,10 +4,15 @@
 #include "base/clock.h"
 #include "folder.h"
 #include "test.h"
+#include "watch/log_journal.h"
 #include "watch/log_json.h"
 
+#include <inttypes.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
 #include <unistd.h>
 
 int64_t __wrap_clock_now_ns(void);
@@ -98,10 +103,58 @@ static void a_line_is_one_json_object_whatever_it_has(void **state) {
     assert_int_equal(cut, 1);
 }
 
+static char entry[2048]; // the fields of the newest entry of the journal, a line each
+static int entries;
+
+int __wrap_sd_journal_sendv(const struct iovec *fields, int count);
+
+int __wrap_sd_journal_sendv(const struct iovec *fields, int count) {
+    size_t used = 0;
+    for (int i = 0; i < count; i++)
+        used += (size_t)snprintf(entry + used, sizeof entry - used, "%.*s\n",
+                                 (int)fields[i].iov_len, (char *)fields[i].iov_base);
+    entries++;
+    return 0;
+}
+
+// What systemd tells a service whose stderr it gave to the journal.
+static void tell_stream(uintmax_t inode) {
+    char stream[64];
+    struct stat file;
+    assert_int_equal(fstat(STDERR_FILENO, &file), 0);
+    snprintf(stream, sizeof stream, "%" PRIuMAX ":%" PRIuMAX, (uintmax_t)file.st_dev,
+             inode ? inode : (uintmax_t)file.st_ino);
+    setenv("JOURNAL_STREAM", stream, 1);
+}
+
+static void a_service_writes_entries_of_the_journal_and_nobody_else_does(void **state) {
+    (void)state;
+    begin();
+    unsetenv("JOURNAL_STREAM");
+    log_to_journal();
+    log_info("api", "by hand");
+    tell_stream(1); // stderr is another file by now
+    log_to_journal();
+    log_info("api", "elsewhere");
+    int before = entries;
+    tell_stream(0);
+    log_to_journal();
+    log_warning("sessions", "station room-1: is late");
+    end();
+    assert_int_equal(before, 0);
+    assert_int_equal(entries, 1);
+    assert_string_equal(entry, "MESSAGE=sessions: station room-1: is late\nPRIORITY=4\n"
+                               "ARTHRON_ROOM=sessions\nARTHRON_STATION=room-1\n");
+    log_error("api", "nobody's");
+    assert_string_equal(entry, "MESSAGE=api: nobody's\nPRIORITY=3\nARTHRON_ROOM=api\n");
+    unsetenv("JOURNAL_STREAM");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lines_of_one_kind_are_few_those_left_out_are_counted_and_others_are_whole),
         cmocka_unit_test(a_line_is_one_json_object_whatever_it_has),
+        cmocka_unit_test(a_service_writes_entries_of_the_journal_and_nobody_else_does),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/service.h"
 #include "link/link.h"
 #include "loop/meter.h"
 #include "loop/teller.h"
@@ -168,6 +169,7 @@ static void each_second(struct loop *loop) {
         .pressed = loop->pressed,
     };
     teller_tell(loop->teller, &second);
+    service_notify("WATCHDOG=1");
     meter_clear(&loop->second);
     loop->warped_second = 0;
     loop->alignment_ms = 0;
@@ -322,7 +324,9 @@ enum result loop_run(const struct station_config *config, const struct loop_opti
     enum result result = start(loop, err);
     if (result == RESULT_OK) {
         loop->teller = teller_create(loop->runner, loop->link, options->live);
+        service_notify("READY=1");
         run(loop);
+        service_notify("STOPPING=1");
         teller_destroy(&loop->teller);
         print_summary(loop);
     }

@@ -94,6 +94,20 @@ class Watchdog(SystemTest):
         self.wait_for_steps()
         self.assertEqual(self.session()["id"], before["id"])
 
+    def test_a_station_tells_that_it_runs_whether_or_not_a_server_answers(self):
+        server = self.start_server("[station room-1]\ncase = healthy")
+        self.enrol("room-1")
+        server.end()
+        self.start_mockup()
+        manager = self.listen()
+        station = self.start_station()
+        told = [manager.recv(100) for _ in range(3)]
+        self.assertEqual(told, [b"READY=1", b"WATCHDOG=1", b"WATCHDOG=1"])
+        station.end()
+        while told[-1] == b"WATCHDOG=1":
+            told.append(manager.recv(100))
+        self.assertEqual(told[-1], b"STOPPING=1")
+
     def test_a_server_that_was_stopped_as_a_whole_goes_on(self):
         self.start_server("[station room-1]\ncase = healthy")
         self.server.process.send_signal(signal.SIGSTOP)

@@ -1,4 +1,5 @@
-// The one table of the requests of /api/v1, with the roles that may send them.
+// The table of the requests of /api/v1, with the roles that may send them. Its rows are made by
+// describe.py of openapi.yaml.
 #pragma once
 
 #include "api/call.h"
@@ -43,88 +44,6 @@ const struct route *routes_find(const char *method, const char *path,
 
 // ---- answers: each in the file of its kind ----
 
-void post_sign_in(struct api_call *call);
-void post_first(struct api_call *call);
-void post_sign_out(struct api_call *call);
-void get_me(struct api_call *call);
-void post_my_sign_out(struct api_call *call);
-void patch_me(struct api_call *call);
-
-void get_tokens(struct api_call *call);
-void post_tokens(struct api_call *call);
-void delete_token(struct api_call *call);
-void get_accounts(struct api_call *call);
-void post_accounts(struct api_call *call);
-void patch_account(struct api_call *call);
-void delete_account(struct api_call *call);
-void post_account_sign_out(struct api_call *call);
-
-void get_trainees(struct api_call *call);
-void post_trainees(struct api_call *call);
-void patch_trainee(struct api_call *call);
-void delete_trainee(struct api_call *call);
-void post_trainee_erase(struct api_call *call);
-void post_trainee_sign_out(struct api_call *call);
-void post_trainee_code(struct api_call *call);
-void get_courses(struct api_call *call);
-void post_courses(struct api_call *call);
-void get_course(struct api_call *call);
-void get_course_export(struct api_call *call); // study.c
-void patch_course(struct api_call *call);
-void delete_course(struct api_call *call);
-void post_course_trainees(struct api_call *call);
-void delete_course_trainee(struct api_call *call);
-
-void get_server(struct api_call *call);
-void get_servers(struct api_call *call); // servers.c
-void get_metrics(struct api_call *call); // watch.c
-void get_healthz(struct api_call *call);
-void get_readyz(struct api_call *call);
-void get_stations(struct api_call *call);
-void post_peer_revocations(struct api_call *call); // revoke.c
-void post_station_code(struct api_call *call);
-void post_station_revoke(struct api_call *call);
-void post_station_attempt(struct api_call *call);
-void delete_station_attempt(struct api_call *call);
-void get_cases(struct api_call *call);
-void get_case(struct api_call *call);
-void get_case_manifest(struct api_call *call);
-void get_case_anatomy(struct api_call *call);
-void get_case_check(struct api_call *call);
-
-void get_peer_cases(struct api_call *call); // peer_cases.c
-void get_peer_case_file(struct api_call *call);
-
-void get_sessions(struct api_call *call);
-void get_session(struct api_call *call);
-void delete_session(struct api_call *call);
-void get_session_trace(struct api_call *call);
-void get_session_report(struct api_call *call);
-void get_distributions(struct api_call *call);
-void get_audit(struct api_call *call);
-
-void get_tasks(struct api_call *call);
-void get_task(struct api_call *call);
-void get_mark(struct api_call *call);
-void put_mark(struct api_call *call);
-void get_trials(struct api_call *call);
-void get_contrast(struct api_call *call);
-void get_expert(struct api_call *call); // expert.c
-void get_curriculum(struct api_call *call);
-void put_curriculum(struct api_call *call);
-void get_progress(struct api_call *call);
-void get_today(struct api_call *call);
-void get_attempts(struct api_call *call);
-void get_attempt(struct api_call *call);
-void get_curve(struct api_call *call);
-void get_ratings(struct api_call *call);
-void post_rating(struct api_call *call);
-void get_rate(struct api_call *call);
-void get_agreement(struct api_call *call);
-void get_exams(struct api_call *call);
-void post_exams(struct api_call *call);
-void get_exam(struct api_call *call);
-void delete_exam(struct api_call *call);
-void post_exam_begin(struct api_call *call);
-void post_intervention(struct api_call *call);
-void post_exam_release(struct api_call *call);
+#define ROUTE(method, path, roles, answer, slow, place) void answer(struct api_call *call);
+#include "routes.inc"
+#undef ROUTE

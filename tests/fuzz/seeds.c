@@ -703,33 +703,54 @@ static void cuts(void) {
     seed("cut", "planes", planes, sizeof planes);
 }
 
+// The letter of a route, as fuzz/api.c has it.
+static char route_letter(const char *route) {
+    static const char *const routes[] = {
+#define ROUTE(method, path, ...) method " " path,
+#include "routes.inc"
+#undef ROUTE
+    };
+    for (size_t i = 0; i < sizeof routes / sizeof *routes; i++)
+        if (!strcmp(routes[i], route))
+            return (char)('A' + i);
+    CHECK(!"a route");
+    return 0;
+}
+
 static void requests(void) {
     static const struct {
-        const char *name, *text;
+        const char *name, *route, *text;
     } rows[] = {
-        {"sign-in", "A- \n{\"code\":\"ABCD EFGH\"}"},
-        {"password", "A- \n{\"name\":\"eve\",\"password\":7}"},
-        {"first", "B- \n{\"secret\":\"0\",\"name\":\"eve\",\"password\":\"0123456789\"}"},
-        {"me", "Do \n"},
-        {"token", "Gt \n{\"name\":\"night export\"}"},
-        {"account", "Ji \n{\"name\":\"eve\",\"role\":\"trainee\",\"trainee\":\"eve\","
-                    "\"password\":\"short\"}"},
-        {"role", "Ki tom\n{\"role\":\"instructor\"}"},
-        {"remove", "Lt ada\n"},
-        {"trainee", "Ni \n{\"name\":\"j\u00f6\",\"full_name\":null}"},
-        {"code", "Oi ada\n{}"},
-        {"course", "Si autumn\n{\"trainee\":\"eve\"}"},
-        {"station", "Vt room-1\n{}"},
-        {"sessions", "]o ?trainee=%65ve&course=autumn&case=healthy&limit=3&before="
-                     "0123456789abcdef0123456789abcdef\n"},
-        {"other", "^o fedcba9876543210fedcba9876543210/trace\n"},
-        {"own", "^o 0123456789abcdef0123456789abcdef/report\n"},
-        {"distribution", "ao ?case=healthy&course=autumn\n"},
-        {"case", "Yo healthy/../case.json\n"},
-        {"audit", "bt ?limit=10\n"},
+        {"sign-in", "POST /sign-in", "- \n{\"code\":\"ABCD EFGH\"}"},
+        {"password", "POST /sign-in", "- \n{\"name\":\"eve\",\"password\":7}"},
+        {"first", "POST /first",
+         "- \n{\"secret\":\"0\",\"name\":\"eve\",\"password\":\"0123456789\"}"},
+        {"me", "GET /me", "o \n"},
+        {"token", "POST /tokens", "t \n{\"name\":\"night export\"}"},
+        {"account", "POST /accounts",
+         "i \n{\"name\":\"eve\",\"role\":\"trainee\",\"trainee\":\"eve\","
+         "\"password\":\"short\"}"},
+        {"role", "PATCH /accounts/*", "i tom\n{\"role\":\"instructor\"}"},
+        {"remove", "DELETE /accounts/*", "t ada\n"},
+        {"trainee", "POST /trainees", "i \n{\"name\":\"j\u00f6\",\"full_name\":null}"},
+        {"code", "POST /trainees/*/code", "i ada\n{}"},
+        {"course", "POST /courses/*/trainees", "i autumn\n{\"trainee\":\"eve\"}"},
+        {"station", "POST /stations/*/code", "t room-1\n{}"},
+        {"sessions", "GET /sessions",
+         "o ?trainee=%65ve&course=autumn&case=healthy&limit=3&before="
+         "0123456789abcdef0123456789abcdef\n"},
+        {"other", "GET /sessions/*/trace", "o fedcba9876543210fedcba9876543210\n"},
+        {"own", "GET /sessions/*/report", "o 0123456789abcdef0123456789abcdef\n"},
+        {"distribution", "GET /distributions", "o ?case=healthy&course=autumn\n"},
+        {"case", "GET /cases/*/case.json", "o healthy\n"},
+        {"audit", "GET /audit", "t ?limit=10\n"},
+        {"description", "GET /openapi.json", "- \n"},
     };
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
-        seed_text("api", rows[i].name, rows[i].text);
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        char text[256];
+        snprintf(text, sizeof text, "%c%s", route_letter(rows[i].route), rows[i].text);
+        seed_text("api", rows[i].name, text);
+    }
 }
 
 // A file without a right key, and what is done to good ones: size, then kind, where, how much.

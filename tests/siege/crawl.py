@@ -11,6 +11,8 @@ import sqlite3
 import time
 import unittest
 
+import yaml
+
 from arthron import SOURCE
 from hall import PASSWORD, Answer, Hall, some_address
 from page import NOT_THERE, RECORDED, STATION, WALL, Page, piece
@@ -102,6 +104,7 @@ GET    /audit                  401  403          403          200          200
 GET    /metrics                401  403          403          200          200
 GET    /healthz                200  200          200          200          200
 GET    /readyz                 200  200          200          200          200
+GET    /openapi.json           200  200          200          200          200
 """
 
 
@@ -116,10 +119,11 @@ def table():
 
 
 def routes():
-    """{(method, path): roles}, as the server has them."""
-    with open(os.path.join(SOURCE, "server/api/routes.c"), encoding="utf-8") as file:
-        found = re.findall(r'\{"([A-Z]+)",\s*"(/[^"]*)",\s*(\w+),', file.read())
-    return {(method, path.replace("*/*", "*/1")): roles for method, path, roles in found}
+    """{(method, path): roles}, as the description has them."""
+    with open(os.path.join(SOURCE, "server/api/openapi.yaml"), encoding="utf-8") as file:
+        paths = yaml.safe_load(file)["paths"]
+    return {(method.upper(), re.sub("{[a-z]+}", "*", path.replace("{number}", "1"))): operation["x-role"]
+            for path, item in paths.items() for method, operation in item.items() if method != "parameters"}
 
 
 class Walker:
@@ -309,7 +313,7 @@ class Crawl(Hall, Siege):
         rows, there = table(), routes()
         self.assertEqual(set(rows), set(there), "the table of this test lacks a route, or has one that is gone")
         for (method, path), roles in there.items():
-            self.assertEqual(rows[method, path]["none"][0] == 401, roles not in ("ANYONE", "ALWAYS"), (method, path))
+            self.assertEqual(rows[method, path]["none"][0] == 401, roles not in (["anyone"], ["always"]), (method, path))
         for (method, path), cells in rows.items():
             for who in IDENTITIES:
                 self.check_route(method, path, who, cells[who])

@@ -216,13 +216,13 @@ static void a_slave_that_falls_silent_is_held_then_lost_then_back(void **state) 
     const struct device_option options[] = ENCODERS({"address", m.modbus_tcp});
     struct runner *runner = station_of("encoders", options);
     wait_for(runner, VALIDITY_OK);
+    while (!status_of(runner).timeouts) // a busy machine is late, too
+        usleep(500);
     struct frame held = wait_for(runner, VALIDITY_LOST);
     wait_for(runner, VALIDITY_OK);
     watch(runner, 20, check_registers);
     check_registers(&held); // lost values are the last ones, whole
-    struct device_status status = status_of(runner);
-    assert_true(status.losses >= 2); // joint and handle
-    assert_true(status.timeouts > 0);
+    assert_true(status_of(runner).losses >= 2); // joint and handle
     runner_destroy(&runner);
     assert_int_equal(0, ended(&m, SIGTERM));
 }

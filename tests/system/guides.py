@@ -43,7 +43,7 @@ class Start(unittest.TestCase):
         self.tree = tempfile.mkdtemp(prefix="arthron-start-")
         self.addCleanup(shutil.rmtree, self.tree)
         os.chmod(self.tree, 0o755)
-        for name in ("demo", "docker/packages/fresh-build-folder"):
+        for name in ("demo", "docker/packages/fresh-build-folder", "station/mockup/play-week"):
             os.makedirs(os.path.dirname(self.path(name)), exist_ok=True)
             shutil.copy(os.path.join(SOURCE, name), self.path(name))
         for name in ("arthrosis", "motions"):

@@ -10,21 +10,24 @@ from history import Seen
 
 PAUSE_S = 0.3
 LOOK_AGAIN_S = 0.5
-SILENT_S = 5
-# In the server's container, as each command from outside costs as much as many here, but with the right clock. A line
-# is: the time before, the time after, the station that was asked for, and what was answered.
+SILENT_S = 10  # on a busy machine a round takes seconds
+# In the server's container, as each command from outside costs as much as many here, but with the right clock. Only
+# the sessions that it serves are asked for. A line is: the time before, the time after, the station that was asked for,
+# and what was answered.
 TELL = """
 ask() {
-    local begun answer
+    local begun
     begun=$(date +%s.%N)
     answer=$(arthron-server session --socket "$SOCKET" "$@" --json) || return 0
     printf '%s %s %s %s\\n' "$begun" "$(date +%s.%N)" "${2:--}" "${answer//$'\\n'/ }"
 }
 for ((round = 0; ; round++)); do
     ask list
-    if ((round % 4 == 0)); then
-        for room in $ROOMS; do ask show "$room"; done
-    fi
+    list=$answer
+    for room in $ROOMS; do
+        served='"station":"'$room'",[^{}]*"state":"(running|paused)"'
+        ((round % 4)) || [[ ! $list =~ $served ]] || ask show "$room"
+    done
     sleep "$PAUSE_S"
 done
 """

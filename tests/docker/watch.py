@@ -8,7 +8,7 @@ import time
 from hall import SOCKET, part_of, session_of
 from history import Seen
 
-PAUSE_S = 0.3
+PAUSE_S = 0.5
 LOOK_AGAIN_S = 0.5
 SILENT_S = 10  # on a busy machine a round takes seconds
 # In the server's container, as each command from outside costs as much as many here, but with the right clock. Only

@@ -31,6 +31,8 @@ const STAGES = [
   { keyboard }, { load }, { restart }, { throttle },
 ];
 
+const LONG = ["load"]; // what many stations and pages cost: not with --quick
+
 const { values: options } = parseArgs({ options: {
   json: { type: "boolean", default: false }, quick: { type: "boolean", default: false },
   only: { type: "string", default: "" }, minutes: { type: "string", default: "1" },
@@ -43,7 +45,7 @@ if (!existsSync(CHROMIUM)) {
   process.exit(77);
 }
 
-const chosen = STAGES.map((suites) => Object.entries(suites).map(([suite, tests]) => tests
+const chosen = STAGES.map((suites) => Object.entries(suites).filter(([suite]) => !(options.quick && LONG.includes(suite))).map(([suite, tests]) => tests
   .map((run) => ({ name: `${suite}: ${run.name.replaceAll("_", " ")}`, run }))
   .filter(({ name, run }) => run.always || name.includes(options.only))));
 

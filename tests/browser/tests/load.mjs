@@ -42,8 +42,8 @@ function takeAll() {
 const taken = async (pages) => (await Promise.all(pages.map((page) => page.evaluate(() => window.taken))))
   .reduce((sum, one) => ({ messages: sum.messages + one.messages, bytes: sum.bytes + one.bytes }));
 
-async function thirty_two_stations_and_eight_browsers_leave_the_server_its_time({ testbed, browser, users, report, quick }) {
-  const seconds = quick ? 4 : 30;
+async function thirty_two_stations_and_eight_browsers_leave_the_server_its_time({ testbed, browser, users, report }) {
+  const seconds = 30;
   await testbed.runAll();
   await sleep(2000);
   const alone = await during(testbed, seconds);
@@ -77,8 +77,8 @@ async function thirty_two_stations_are_on_one_wall({ testbed, browser, users, re
   assert.ok(fits, "all 32 are on the screen");
 }
 
-async function messages_and_bytes_of_each_view({ testbed, browser, users, report, quick }) {
-  const seconds = quick ? 2 : 10;
+async function messages_and_bytes_of_each_view({ testbed, browser, users, report }) {
+  const seconds = 10;
   await testbed.runStation("room-1");
   for (const [name, hash] of [["wall", "#/wall"], ["station", "#/station/room-1"], ["scope", "#/scope/room-1"]]) {
     const page = await browser.page(await browser.context(users.instructor), hash);

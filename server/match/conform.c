@@ -30,6 +30,8 @@ static const struct conform_plan quick = {
 // ---- life ---------------------------------------------------------------------------------------
 
 #define NEW(array, count) ((array) = alloc((count), sizeof *(array)))
+// Undefined until a call fills it: what no call needs costs no page.
+#define SCRATCH(array, count) ((array) = alloc_resize(NULL, (count), sizeof *(array)))
 
 static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->positions, count);
@@ -38,10 +40,10 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->dirty_before, count);
     NEW(c->laid, count);
     NEW(c->laid_before, count);
-    NEW(c->sound, count);
-    NEW(c->kept, count);
+    SCRATCH(c->sound, count);
+    SCRATCH(c->kept, count);
     NEW(c->factor, count);
-    NEW(c->normals, count);
+    SCRATCH(c->normals, count);
     NEW(c->slot, count);
     NEW(c->trust, count);
     NEW(c->bend, count);
@@ -50,26 +52,26 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->tied, count);
     NEW(c->off, count);
     NEW(c->moves, count);
-    NEW(c->active, count);
-    NEW(c->changed, count);
-    NEW(c->queue, count);
-    NEW(c->first, (size_t)count + 1);
-    NEW(c->diagonal, count);
-    NEW(c->inverse, count);
-    NEW(c->bending, count);
-    NEW(c->diagonal_columns, count);
-    NEW(c->inverse_columns, count);
-    NEW(c->bending_columns, count);
-    NEW(c->solution, count);
-    NEW(c->others, count);
-    NEW(c->gradient, count);
-    NEW(c->step, count);
-    NEW(c->along, count);
-    NEW(c->residual, count);
-    NEW(c->preconditioned, count);
-    NEW(c->direction, count);
-    NEW(c->product, count);
-    NEW(c->bent, count);
+    SCRATCH(c->active, count);
+    SCRATCH(c->changed, count);
+    SCRATCH(c->queue, count);
+    SCRATCH(c->first, (size_t)count + 1);
+    SCRATCH(c->diagonal, count);
+    SCRATCH(c->inverse, count);
+    SCRATCH(c->bending, count);
+    SCRATCH(c->diagonal_columns, count);
+    SCRATCH(c->inverse_columns, count);
+    SCRATCH(c->bending_columns, count);
+    SCRATCH(c->solution, count);
+    SCRATCH(c->others, count);
+    SCRATCH(c->gradient, count);
+    SCRATCH(c->step, count);
+    SCRATCH(c->along, count);
+    SCRATCH(c->residual, count);
+    SCRATCH(c->preconditioned, count);
+    SCRATCH(c->direction, count);
+    SCRATCH(c->product, count);
+    SCRATCH(c->bent, count);
 }
 
 struct conform *conform_create(const struct match_surface *surface) {
@@ -77,12 +79,12 @@ struct conform *conform_create(const struct match_surface *surface) {
     c->surface = surface;
     create_by_vertex(c, surface->vertex_count);
     NEW(c->live_of, surface->triangle_count);
-    NEW(c->live, surface->triangle_count);
-    NEW(c->near, surface->triangle_count);
-    NEW(c->beside, surface->triangle_count);
-    NEW(c->self_of, surface->triangle_count);
-    NEW(c->pulls, PULLS_PER_TRIANGLE * (size_t)surface->triangle_count);
-    NEW(c->rows, surface->triangle_count);
+    SCRATCH(c->live, surface->triangle_count);
+    SCRATCH(c->near, surface->triangle_count);
+    SCRATCH(c->beside, surface->triangle_count);
+    SCRATCH(c->self_of, surface->triangle_count);
+    SCRATCH(c->pulls, PULLS_PER_TRIANGLE * (size_t)surface->triangle_count);
+    SCRATCH(c->rows, surface->triangle_count);
     memcpy(c->positions, surface->start, surface->vertex_count * sizeof *c->positions);
     memcpy(c->before, surface->start, surface->vertex_count * sizeof *c->before);
     return c;

@@ -12,10 +12,10 @@
 
 struct fitting {
     const struct match_surface *surface;
-    const struct mesh *mesh;
     int rules;
     struct conform *conform;
-    vec3 *start; // S'
+    vec3 *start;         // S'
+    struct mesh touched; // S'' as it was last reported
     struct conform_past *past;
     uint32_t count, room;
 };
@@ -24,12 +24,12 @@ struct fitting *fitting_create(const struct match_surface *surface, const struct
                                int rules) {
     struct fitting *f = alloc(1, sizeof *f);
     f->surface = surface;
-    f->mesh = mesh;
     f->rules = rules;
     f->conform = conform_create(surface);
     f->start = alloc(mesh->vertex_count, sizeof *f->start);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         f->start[v] = conform_vertex(f->conform, v);
+    mesh_copy(&f->touched, mesh);
     return f;
 }
 
@@ -40,6 +40,7 @@ void fitting_destroy(struct fitting **fitting) {
     for (uint32_t i = 0; i < f->count; i++)
         conform_past_fini(&f->past[i]);
     conform_destroy(&f->conform);
+    mesh_fini(&f->touched);
     free(f->past);
     free(f->start);
     free(f);
@@ -70,13 +71,17 @@ static vec3 offset(vec3 place, vec3 start) {
     return (vec3){touch_rounded(by.x), touch_rounded(by.y), touch_rounded(by.z)};
 }
 
+const struct mesh *fitting_touched(const struct fitting *fitting) {
+    return &fitting->touched;
+}
+
 vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex) {
     return offset(conform_vertex(fitting->conform, vertex), fitting->start[vertex]);
 }
 
 void fitting_offsets(const struct fitting *f, double *out) {
     const vec3 *places = conform_vertices(f->conform);
-    for (uint32_t v = 0; v < f->mesh->vertex_count; v++) {
+    for (uint32_t v = 0; v < f->touched.vertex_count; v++) {
         vec3 by = offset(places[v], f->start[v]);
         memcpy(out + 3 * (size_t)v, &by, sizeof by);
     }
@@ -89,7 +94,6 @@ void fitting_place(struct fitting *fitting, uint32_t vertex, vec3 offset) {
 // ---- following ----------------------------------------------------------------------------------
 
 static double distance_of(const struct fitting *f, const struct conform_target *target) {
-    struct mesh touched;
     vec3 probes[PROBES_MAX + 1];
     uint32_t fresh = 0, seen = 0, count = 0;
     for (uint32_t t = 0; t < target->mesh->triangle_count; t++)
@@ -98,13 +102,7 @@ static double distance_of(const struct fitting *f, const struct conform_target *
     for (uint32_t t = 0; t < target->mesh->triangle_count; t++)
         if (target->fresh[t] && seen++ % stride == 0)
             probes[count++] = mesh_corner(target->mesh, t, 0);
-    mesh_copy(&touched, f->mesh);
-    const vec3 *places = conform_vertices(f->conform);
-    for (uint32_t v = 0; v < touched.vertex_count; v++)
-        mesh_set_vertex(&touched, v, places[v]);
-    double largest = apart_mm(&touched, probes, count);
-    mesh_fini(&touched);
-    return largest;
+    return apart_mm(&f->touched, probes, count);
 }
 
 // What the touch is fitted to. The caller releases it.
@@ -134,8 +132,11 @@ static void end_goal(struct goal *goal) {
     mesh_fini(&goal->mesh);
 }
 
-static struct fitting_report report_of(const struct fitting *f, const struct goal *goal) {
+static struct fitting_report report_of(struct fitting *f, const struct goal *goal) {
     double volume = conform_volume(f->conform);
+    const vec3 *places = conform_vertices(f->conform);
+    for (uint32_t v = 0; v < f->touched.vertex_count; v++)
+        mesh_set_vertex(&f->touched, v, places[v]);
     return (struct fitting_report){volume, volume - goal->target.volume_mm3,
                                    distance_of(f, &goal->target)};
 }

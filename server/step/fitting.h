@@ -7,7 +7,7 @@
 
 struct fitting;
 
-// S'' = S'. mesh: S, whose triangles S'' has. Both must outlive it. rules: of the session
+// S'' = S'. mesh: S, whose triangles S'' has. The surface must outlive it. rules: of the session
 // (step/settings.h).
 struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh,
                                int rules);
@@ -17,6 +17,8 @@ void fitting_destroy(struct fitting **fitting); // NULL inside is fine
 void fitting_keep(struct fitting *fitting, struct kept *kept);
 
 vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex); // S''
+// S'' as it was reported last: S before the first report.
+const struct mesh *fitting_touched(const struct fitting *fitting);
 vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex); // S'' − S', rounded
 void fitting_offsets(const struct fitting *fitting, double *out); // of all vertices: 3 numbers each
 void fitting_place(struct fitting *fitting, uint32_t vertex, vec3 offset);

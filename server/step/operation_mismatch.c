@@ -25,13 +25,12 @@ static void touched_mesh(const struct operated_tissue *t, struct mesh *out_mesh)
 }
 
 void operated_measure_mismatch(struct operated_tissue *t) {
-    struct mesh touched, tissue;
+    struct mesh tissue;
     struct mismatch mismatch;
     uint32_t *ids;
-    touched_mesh(t, &touched);
     cut_mesh_flatten(t->now.mesh, &tissue, NULL, &ids);
     const struct case_region *tear = &t->group->lesion.tear;
-    struct mismatch_setting setting = {.touched = &touched,
+    struct mismatch_setting setting = {.touched = fitting_touched(t->fitting),
                                        .tissue = &tissue,
                                        .clefts = tear->parts,
                                        .cleft_count = tear->part_count,
@@ -41,7 +40,6 @@ void operated_measure_mismatch(struct operated_tissue *t) {
     t->now.figures.touched_unseen_mm3 = mismatch.touched_mm3;
     t->now.figures.seen_untouched_mm3 = mismatch.seen_mm3;
     free(ids);
-    mesh_fini(&touched);
     mesh_fini(&tissue);
 }
 

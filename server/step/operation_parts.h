@@ -59,4 +59,4 @@ void operated_take_over(struct operated_tissue *t); // it gets memory of its own
 
 // ---- operation_mismatch.c ----
 vec3 operated_touched(const struct operated_tissue *t, uint32_t vertex); // S''
-void operated_measure_mismatch(struct operated_tissue *t);               // into its figures
+void operated_measure_mismatch(struct operated_tissue *t); // into its figures, once it is fitted

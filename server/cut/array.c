@@ -12,7 +12,7 @@ void *array_grow(void *memory, uint32_t *room, uint32_t need, size_t size) {
 }
 
 void *array_copy(const void *memory, size_t count, size_t size) {
-    return count ? memcpy(alloc(count, size), memory, count * size) : NULL;
+    return count ? memcpy(alloc_resize(NULL, count, size), memory, count * size) : NULL;
 }
 
 void ids_fini(struct ids *ids) {

@@ -94,7 +94,7 @@ enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
 }
 
 static void *copy_into(uint32_t room, const void *memory, uint32_t count, size_t size) {
-    return memcpy(alloc(room, size), memory, count * size);
+    return memcpy(alloc_resize(NULL, room, size), memory, count * size);
 }
 
 struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh) {

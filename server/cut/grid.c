@@ -47,7 +47,7 @@ void grid_copy(struct triangle_grid *out, const struct triangle_grid *grid) {
     *out = *grid;
     out->heads = array_copy(grid->heads, cell_count(grid), sizeof *grid->heads);
     out->entry_room = grid->entry_count + grid->entry_count / 4 + 256;
-    out->entries = alloc(out->entry_room, sizeof *out->entries);
+    out->entries = alloc_resize(NULL, out->entry_room, sizeof *out->entries);
     memcpy(out->entries, grid->entries, grid->entry_count * sizeof *out->entries);
 }
 

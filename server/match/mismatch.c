@@ -54,7 +54,7 @@ static struct box box_of_difference(const struct mismatch_setting *s) {
 
 static void columns_over(const struct mesh *mesh, struct box lattice, struct box part,
                          double step_mm, struct columns *out) {
-    vec3 *points = alloc(mesh->vertex_count, sizeof *points);
+    vec3 *points = alloc_resize(NULL, mesh->vertex_count, sizeof *points);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         points[v] = mesh_vertex(mesh, v);
     columns_init_over(out, mesh, points, step_mm, lattice, part);

@@ -18,10 +18,6 @@
 #define CURVE_MAX 500
 #define UTC_MAX_S 9007199254.0
 
-static bool is_trainee(const struct api_call *call) {
-    return call->principal.role == ROLE_TRAINEE;
-}
-
 // ---- as JSON ------------------------------------------------------------------------------------
 
 static json_t *parsed(const json_t *row, const char *field) {
@@ -46,7 +42,7 @@ static void withhold(json_t *row) {
 }
 
 // Of an exam that was not released.
-static bool is_sealed(const json_t *row) {
+static bool is_attempt_sealed(const json_t *row) {
     const char *purpose = json_string_value(json_object_get(row, "purpose"));
     const char *state = json_string_value(json_object_get(row, "exam_state"));
     return !strcmp(purpose, "exam") && (!state || strcmp(state, "released"));
@@ -55,7 +51,7 @@ static bool is_sealed(const json_t *row) {
 static json_t *attempt_json(const struct api_call *call, const struct store_cell *cells,
                             int count) {
     json_t *row = call_row(cells, count);
-    bool withheld = is_trainee(call) && is_sealed(row);
+    bool withheld = call_is_trainee(call) && is_attempt_sealed(row);
     json_t *sentinel = json_object_get(row, "sentinel");
     json_object_set_new(row, "sentinel", json_boolean(json_integer_value(sentinel)));
     json_object_set_new(row, "pass",
@@ -98,7 +94,7 @@ bool attempt_is_blind(struct api_call *call, const char *session) {
 bool attempt_is_withheld(struct api_call *call, const char *session) {
     struct error err = {""};
     bool withheld = false;
-    if (!is_trainee(call))
+    if (!call_is_trainee(call))
         return false;
     enum result result = store_is_withheld(call->store, session, &withheld, &err);
     return !call_check(call, result, &err) || withheld;
@@ -106,7 +102,7 @@ bool attempt_is_withheld(struct api_call *call, const char *session) {
 
 // Who rates an exam learns neither whose it is, nor what the server says of it. False after a
 // refusal.
-static bool hide_names(struct api_call *call, json_t *attempts) {
+static bool hide_attempt_names(struct api_call *call, json_t *attempts) {
     size_t i;
     json_t *row;
     json_array_foreach(attempts, i, row) {
@@ -115,7 +111,7 @@ static bool hide_names(struct api_call *call, json_t *attempts) {
             if (call->response->status)
                 return false;
             put_null(row, "trainee");
-            if (is_sealed(row))
+            if (is_attempt_sealed(row))
                 withhold(row);
         }
         json_object_del(row, "exam_state");
@@ -128,12 +124,12 @@ static json_t *read_attempts(struct api_call *call, struct attempt_filter filter
     struct attempts attempts = {call, json_array()};
     struct error err = {""};
     filter.rater = attempt_rater(call);
-    if (is_trainee(call)) {
+    if (call_is_trainee(call)) {
         bool others = filter.trainee && strcmp(filter.trainee, call->principal.trainee);
         filter.trainee = others ? "" : call->principal.trainee; // nobody's
     }
     enum result result = store_attempt_list(call->store, &filter, take_attempt, &attempts, &err);
-    if (call_check(call, result, &err) && hide_names(call, attempts.all))
+    if (call_check(call, result, &err) && hide_attempt_names(call, attempts.all))
         return attempts.all;
     json_decref(attempts.all);
     return NULL;
@@ -162,8 +158,8 @@ static bool take_before(struct api_call *call, const struct call_query *query,
     return false;
 }
 
-static bool take_times(struct api_call *call, const struct call_query *query,
-                       struct attempt_filter *filter) {
+static bool take_attempt_times(struct api_call *call, const struct call_query *query,
+                               struct attempt_filter *filter) {
     double from_s = 0, to_s = 0;
     if (!value_parameter(call, query, FROM, 0, UTC_MAX_S, &from_s) ||
         !value_parameter(call, query, TO, 0, UTC_MAX_S, &to_s))
@@ -174,7 +170,7 @@ static bool take_times(struct api_call *call, const struct call_query *query,
 }
 
 // The key that the next page starts after, or null: the query reads one row more than the limit.
-static json_t *take_next(json_t *rows, int limit) {
+static json_t *take_next_attempt(json_t *rows, int limit) {
     if (json_array_size(rows) <= (size_t)limit)
         return json_null();
     json_array_remove(rows, (size_t)limit);
@@ -205,12 +201,12 @@ void get_attempts(struct api_call *call) {
                                     .session = call_parameter(&query, SESSION),
                                     .purpose = call_parameter(&query, PURPOSE),
                                     .limit = limit + 1};
-    if (!take_before(call, &query, &filter, before) || !take_times(call, &query, &filter))
+    if (!take_before(call, &query, &filter, before) || !take_attempt_times(call, &query, &filter))
         return;
     json_t *rows = read_attempts(call, filter);
     if (!rows)
         return;
-    json_t *next = take_next(rows, limit);
+    json_t *next = take_next_attempt(rows, limit);
     drop_details(rows);
     call_answer(call, 200, json_pack("{s:o, s:o}", "attempts", rows, "next", next));
 }
@@ -314,7 +310,7 @@ static void finish_band(struct bands *b) {
     b->count = 0;
 }
 
-static void take_time(void *user, const struct store_cell *cells, int count) {
+static void take_attempt_time(void *user, const struct store_cell *cells, int count) {
     struct bands *b = user;
     CHECK(count == 5); // as store_figures_on
     if (cells[2].integer != b->attempt)
@@ -334,8 +330,8 @@ static json_t *bands_of(struct api_call *call, const char *task, const char *cou
     struct error err = {""};
     enum result result = RESULT_OK;
     if (course)
-        result = store_times_at(call->store, task, course, hand, is_trainee(call), take_time,
-                                &bands, &err);
+        result = store_times_at(call->store, task, course, hand, call_is_trainee(call),
+                                take_attempt_time, &bands, &err);
     finish_band(&bands);
     free(bands.times);
     if (call_check(call, result, &err))
@@ -368,7 +364,7 @@ void get_curve(struct api_call *call) {
         return;
     const char *trainee = call_parameter(&query, TRAINEE_NAME);
     const char *course = call_parameter(&query, COURSE_NAME), *hand = call_parameter(&query, HAND);
-    if (is_trainee(call) && !trainee)
+    if (call_is_trainee(call) && !trainee)
         trainee = call->principal.trainee;
     if (!call_parameter(&query, TASK_NAME) || !trainee) {
         const char *field = call_parameter(&query, TASK_NAME) ? "trainee" : "task";

@@ -14,7 +14,7 @@
 struct case_summaries; // case_summary.h
 struct peer_cases;     // peer_cases.h
 struct rehearsals;     // rehearsals.h
-struct forwards;         // forward.h
+struct forwards;       // forward.h
 
 #define API_REPORTS_MAX 2         // at a time
 #define API_REPORTS_OF_TRAINEES 1 // of these
@@ -103,6 +103,10 @@ bool call_find_course(struct api_call *call);
 
 // Answers a file of a case.
 void call_answer_file(struct api_call *call, const char *dir, const char *name, const char *type);
+
+static inline bool call_is_trainee(const struct api_call *call) {
+    return call->principal.role == ROLE_TRAINEE;
+}
 
 // Answers {key: rows}, or the error of reading them; takes the rows.
 void call_answer_rows(struct api_call *call, const char *key, json_t *rows, enum result result,

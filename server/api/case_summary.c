@@ -15,7 +15,7 @@
 #define FILES 2
 #define READER_NICE 19
 
-static const char *const files[FILES] = {"case.json", "anatomy.glb"};
+static const char *const summary_files[FILES] = {"case.json", "anatomy.glb"};
 
 struct file_stamp {
     int64_t changed_ns, size;
@@ -41,11 +41,11 @@ struct case_summaries {
 
 // ---- the case -----------------------------------------------------------------------------------
 
-static void take_stamps(const char *dir, struct file_stamp out[FILES]) {
+static void take_summary_stamps(const char *dir, struct file_stamp out[FILES]) {
     for (int i = 0; i < FILES; i++) {
         char path[1024];
         struct stat status = {0};
-        snprintf(path, sizeof path, "%s/%s", dir, files[i]);
+        snprintf(path, sizeof path, "%s/%s", dir, summary_files[i]);
         stat(path, &status); // a missing file has size 0
         out[i].changed_ns =
             (int64_t)status.st_mtim.tv_sec * 1000000000 + (int64_t)status.st_mtim.tv_nsec;
@@ -90,7 +90,7 @@ static int64_t read_case(void *data) {
     const struct api_case *about = &all->cases[summary - all->entries];
     struct knee_case *knee = NULL;
     struct error err = {""};
-    take_stamps(about->dir, now.stamps);
+    take_summary_stamps(about->dir, now.stamps);
     if (case_load_checked(about->dir, all->check, &knee, &err) != RESULT_OK)
         knee = NULL;
     set_known(&now, about, knee, err.text);
@@ -139,8 +139,8 @@ static void add_grade(const struct api_case *about, const struct summary *summar
 }
 
 // With the lock: the entry of files with these stamps.
-static const struct summary *look_up(struct case_summaries *all, int index,
-                                     const struct file_stamp stamps[FILES]) {
+static const struct summary *look_up_summary(struct case_summaries *all, int index,
+                                             const struct file_stamp stamps[FILES]) {
     struct summary *summary = &all->entries[index];
     if (summary->is_known && memcmp(stamps, summary->stamps, sizeof summary->stamps) != 0)
         summary->is_known = false;
@@ -153,7 +153,7 @@ static const struct summary *look_up(struct case_summaries *all, int index,
 static json_t *copy_known(struct case_summaries *all, int index,
                           const struct file_stamp stamps[FILES], struct summary *out) {
     pthread_mutex_lock(&all->lock);
-    const struct summary *summary = look_up(all, index, stamps);
+    const struct summary *summary = look_up_summary(all, index, stamps);
     *out = *summary;
     json_t *row = summary->row ? json_deep_copy(summary->row)
                                : json_pack("{s:o}", "name", call_string(all->cases[index].name));
@@ -166,7 +166,7 @@ json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[
     const struct api_case *about = &summaries->cases[index];
     struct summary known;
     struct file_stamp stamps[FILES];
-    take_stamps(about->dir, stamps);
+    take_summary_stamps(about->dir, stamps);
     json_t *row = copy_known(summaries, index, stamps, &known);
     out_hash[0] = '\0';
     if (known.is_known && known.hash)
@@ -179,9 +179,9 @@ json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[
 enum result case_summary_hash(struct case_summaries *summaries, int index, uint64_t *out_hash) {
     CHECK(index >= 0 && index < summaries->count);
     struct file_stamp stamps[FILES];
-    take_stamps(summaries->cases[index].dir, stamps);
+    take_summary_stamps(summaries->cases[index].dir, stamps);
     pthread_mutex_lock(&summaries->lock);
-    const struct summary *summary = look_up(summaries, index, stamps);
+    const struct summary *summary = look_up_summary(summaries, index, stamps);
     bool is_known = summary->is_known;
     *out_hash = summary->hash;
     pthread_mutex_unlock(&summaries->lock);
@@ -203,7 +203,7 @@ struct case_summaries *case_summaries_create(const struct api_case *cases, int c
         struct summary *summary = &all->entries[i];
         bool is_refused = cases[i].refusal && cases[i].refusal[0];
         summary->all = all;
-        take_stamps(cases[i].dir, summary->stamps);
+        take_summary_stamps(cases[i].dir, summary->stamps);
         if (is_refused)
             set_known(summary, &cases[i], NULL, cases[i].refusal);
         else if (cases[i].knee)

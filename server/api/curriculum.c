@@ -83,7 +83,7 @@ static bool take_int(struct api_call *call, const json_t *from, const char *fiel
     return good;
 }
 
-static bool take_hands(struct api_call *call, const json_t *from, bool *out_each) {
+static bool take_task_hands(struct api_call *call, const json_t *from, bool *out_each) {
     char hands[8] = "each";
     if (value_is_given(from, "hands") && !value_text(call, from, "hands", sizeof hands, hands))
         return false;
@@ -129,7 +129,7 @@ static bool take_task(struct api_call *call, const json_t *from,
         !value_text(call, from, "task", sizeof out->task, out->task) ||
         !take_int(call, from, "week", CURRICULUM_WEEK_MAX, 1, &out->week) ||
         !take_int(call, from, "passes", CURRICULUM_PASSES_MAX, 2, &out->passes) ||
-        !take_hands(call, from, &out->each_hand) || !take_due(call, from, &out->due_utc_ns) ||
+        !take_task_hands(call, from, &out->each_hand) || !take_due(call, from, &out->due_utc_ns) ||
         !value_texts(call, from, "cases", CURRICULUM_CASES_MAX, sizeof out->cases[0], out->cases[0],
                      &out->case_count) ||
         !take_after(call, from, before, out))
@@ -140,7 +140,7 @@ static bool take_task(struct api_call *call, const json_t *from,
     return false;
 }
 
-static bool take_tasks(struct api_call *call, struct curriculum *out) {
+static bool take_course_tasks(struct api_call *call, struct curriculum *out) {
     json_t *list = json_object_get(call->body, "tasks");
     size_t count = json_array_size(list);
     if (!json_is_array(list) || !count || count > CURRICULUM_TASKS_MAX) {
@@ -176,7 +176,7 @@ static bool write_curriculum(struct api_call *call, struct curriculum *c) {
     if (c->state == CURRICULUM_FROZEN)
         return call_check(call, store_freeze_curriculum(call->store, course, c->version, &err),
                           &err);
-    if (!take_tasks(call, c))
+    if (!take_course_tasks(call, c))
         return false;
     enum result result = store_write_curriculum(call->store, course, c->version, c->tasks, c->count,
                                                 c->state == CURRICULUM_PUBLISHED, &err);

@@ -18,10 +18,6 @@
 #define SEED_MAX ((1LL << 53) - 1) // JSON's numbers are exact up to there
 #define NAMES_MAX 16
 
-static bool is_trainee(const struct api_call *call) {
-    return call->principal.role == ROLE_TRAINEE;
-}
-
 // ---- planning -----------------------------------------------------------------------------------
 
 // The draw of docs/API.md: the number-th output, from 0, of splitmix64 that begins with the seed.
@@ -32,7 +28,7 @@ static uint64_t draw(int64_t seed, int number) {
     return z ^ z >> 31;
 }
 
-static int find_case(const struct api_call *call, const char *name) {
+static int find_exam_case(const struct api_call *call, const char *name) {
     const struct api_config *config = &call->api->config;
     for (int i = 0; i < config->case_count; i++)
         if (!strcmp(config->cases[i].name, name))
@@ -41,7 +37,7 @@ static int find_case(const struct api_call *call, const char *name) {
 }
 
 // Lists of tasks and of cases; each task is drawn a case.
-static bool take_tasks(struct api_call *call, struct exam_plan *plan, const char *hand) {
+static bool take_exam_tasks(struct api_call *call, struct exam_plan *plan, const char *hand) {
     char tasks[NAMES_MAX][ATTEMPT_TASK_MAX], cases[NAMES_MAX][STORE_NAME_MAX];
     int case_count;
     _Static_assert(NAMES_MAX == EXAM_TASKS_MAX, "all tasks of an exam");
@@ -55,7 +51,7 @@ static bool take_tasks(struct api_call *call, struct exam_plan *plan, const char
         return false;
     }
     for (int i = 0; i < case_count; i++)
-        if (find_case(call, cases[i]) < 0) {
+        if (find_exam_case(call, cases[i]) < 0) {
             call_refuse(call, 400, "wrong_field", "cases", "The server's config has no case '%s'.",
                         cases[i]);
             return false;
@@ -115,7 +111,8 @@ static bool take_plan(struct api_call *call, struct exam_plan *plan) {
            value_text(call, call->body, "course", sizeof plan->course, plan->course) &&
            value_text(call, call->body, "trainee", sizeof plan->trainee, plan->trainee) &&
            value_text(call, call->body, "title", sizeof plan->title, plan->title) &&
-           take_hand(call, hand) && take_seed(call, &plan->seed) && take_tasks(call, plan, hand) &&
+           take_hand(call, hand) && take_seed(call, &plan->seed) &&
+           take_exam_tasks(call, plan, hand) &&
            value_texts(call, call->body, "raters", EXAM_RATERS_MAX, sizeof plan->raters[0],
                        plan->raters[0], &plan->rater_count) &&
            take_raters(call, plan);
@@ -155,12 +152,12 @@ static void shape_head(const struct api_call *call, json_t *exam) {
         json_object_del(exam, gone[i]);
     json_object_set_new(exam, "checklist", checklist);
     json_object_set_new(exam, "result", result);
-    if (is_trainee(call))
+    if (call_is_trainee(call))
         json_object_del(exam, "seed");
 }
 
 // Whoever rates it does not learn whose it is. False after a refusal.
-static bool hide_name(struct api_call *call, json_t *exam) {
+static bool hide_examinee(struct api_call *call, json_t *exam) {
     struct error err = {""};
     bool blind = false;
     int64_t id = json_integer_value(json_object_get(exam, "id"));
@@ -186,7 +183,8 @@ static json_t *find_exam(struct api_call *call, int64_t *out_id) {
     json_decref(rows);
     if (!call_check(call, result, &err))
         return NULL;
-    if (exam && (!is_trainee(call) || !strcmp(text_of(exam, "trainee"), call->principal.trainee)))
+    if (exam &&
+        (!call_is_trainee(call) || !strcmp(text_of(exam, "trainee"), call->principal.trainee)))
         return exam;
     json_decref(exam);
     call_refuse(call, 404, "not_found", NULL, "There is no such exam.");
@@ -214,7 +212,7 @@ static json_t *raters_of(struct api_call *call, int64_t id) {
     json_array_foreach(rows, i, row) {
         json_object_set_new(row, "rated",
                             json_boolean(json_integer_value(json_object_get(row, "rated"))));
-        if (is_trainee(call))
+        if (call_is_trainee(call))
             json_object_set_new(row, "account", json_null());
     }
     if (call_check(call, result, &err))
@@ -245,8 +243,8 @@ static bool add_parts(struct api_call *call, json_t *exam, int64_t id) {
     size_t i;
     json_t *row;
     if (raters) {
-        shape_items(call, items, released || (!is_trainee(call) && !is_rater));
-        if (is_trainee(call) && !strcmp(text_of(exam, "state"), "planned"))
+        shape_items(call, items, released || (!call_is_trainee(call) && !is_rater));
+        if (call_is_trainee(call) && !strcmp(text_of(exam, "state"), "planned"))
             json_array_clear(items); // it is sealed until it begins
         json_array_foreach(interventions, i, row) json_object_del(row, "exam");
         json_object_set(exam, "items", items);
@@ -265,7 +263,7 @@ static void answer_exam(struct api_call *call, int status, int64_t id) {
     if (!exam)
         return;
     shape_head(call, exam);
-    if (hide_name(call, exam) && add_parts(call, exam, id))
+    if (hide_examinee(call, exam) && add_parts(call, exam, id))
         call_answer(call, status, json_pack("{s:O}", "exam", exam));
     json_decref(exam);
 }
@@ -294,7 +292,7 @@ void get_exams(struct api_call *call) {
     json_t *rows = json_array(), *row;
     size_t i;
     bool good = call_take_query(call, &query);
-    const char *whose = is_trainee(call) ? call->principal.trainee : call_parameter(&query, 1);
+    const char *whose = call_is_trainee(call) ? call->principal.trainee : call_parameter(&query, 1);
     if (good) {
         enum result result = store_find_exams(call->store, call_parameter(&query, 0), whose,
                                               attempt_rater(call), call_take_row, rows, &err);
@@ -303,7 +301,7 @@ void get_exams(struct api_call *call) {
     json_array_foreach(rows, i, row) {
         shape_head(call, row);
         json_object_del(row, "result");
-        good = good && hide_name(call, row);
+        good = good && hide_examinee(call, row);
     }
     if (good)
         call_answer(call, 200, json_pack("{s:O}", "exams", rows));
@@ -324,7 +322,7 @@ static bool take_hashes(struct api_call *call, int64_t id, struct exam_checklist
     bool good = items;
     size_t i;
     json_array_foreach(items, i, item) {
-        int index = find_case(call, text_of(item, "case"));
+        int index = find_exam_case(call, text_of(item, "case"));
         if (index >= 0)
             json_decref(case_summary(call->api->summaries, index, out->case_hashes[i]));
         if (good && !out->case_hashes[i][0]) {

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static void take_state(void *user, const struct store_cell *cells, int count) {
+static void take_expert_state(void *user, const struct store_cell *cells, int count) {
     for (int i = 0; i < count; i++)
         if (!strcmp(cells[i].column, "state") && !strcmp(cells[i].text, "begun"))
             *(bool *)user = true;
@@ -20,7 +20,7 @@ static bool is_in_no_exam(struct api_call *call) {
     if (call->principal.role != ROLE_TRAINEE)
         return true;
     enum result result = store_find_exams(call->store, NULL, call->principal.trainee, NULL,
-                                          take_state, &goes_on, &err);
+                                          take_expert_state, &goes_on, &err);
     if (!call_check(call, result, &err))
         return false;
     if (goes_on)
@@ -43,7 +43,7 @@ static int case_of(struct api_call *call) {
 }
 
 // Whether there are hands in the response's body; else the request is refused.
-static bool take_hands(struct api_call *call, const struct rehearsal_wish *wish) {
+static bool take_expert_hands(struct api_call *call, const struct rehearsal_wish *wish) {
     struct web_response *r = call->response;
     uint8_t *batch = NULL;
     int wait_s = 2;
@@ -82,7 +82,7 @@ void get_expert(struct api_call *call) {
         return;
     call_close_store(call);
     struct rehearsal_wish wish = {(int)(task - call->api->config.tasks), knee_case, 0};
-    if (!take_hash(call, knee_case, &wish.case_hash) || !take_hands(call, &wish))
+    if (!take_hash(call, knee_case, &wish.case_hash) || !take_expert_hands(call, &wish))
         return;
     r->status = 200;
     r->compress = true;

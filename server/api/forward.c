@@ -170,7 +170,7 @@ static void forget(struct web_response *response) {
     *response = (struct web_response){0};
 }
 
-static enum result ask(const struct forward *r, struct web_response *out, struct error *err) {
+static enum result ask_peer(const struct forward *r, struct web_response *out, struct error *err) {
     int64_t until_ns = clock_now_ns() + UNKNOWN_NS;
     enum result result;
     while ((result = ask_once(r, out, err)) == RESULT_OK && out->status == 401 &&
@@ -201,7 +201,7 @@ static struct place *free_place(struct forwards *forwards, const struct forward 
     return has_room ? found : NULL;
 }
 
-static struct place *take_place(struct forwards *forwards, const struct forward *r) {
+static struct place *occupy_place(struct forwards *forwards, const struct forward *r) {
     pthread_mutex_lock(&forwards->lock);
     struct place *place = free_place(forwards, r);
     if (place) {
@@ -212,7 +212,7 @@ static struct place *take_place(struct forwards *forwards, const struct forward 
     return place;
 }
 
-static void leave_place(struct forwards *forwards, struct place *place) {
+static void vacate(struct forwards *forwards, struct place *place) {
     pthread_mutex_lock(&forwards->lock);
     *place = (struct place){0};
     pthread_mutex_unlock(&forwards->lock);
@@ -220,13 +220,13 @@ static void leave_place(struct forwards *forwards, struct place *place) {
 
 static void answer(const struct forward *r, struct web_response *out) {
     struct error err;
-    struct place *place = take_place(r->api->forwards, r);
+    struct place *place = occupy_place(r->api->forwards, r);
     if (!place) {
         refuse(out, "busy", r->to.name, "is asked for too much");
         return;
     }
-    enum result result = ask(r, out, &err);
-    leave_place(r->api->forwards, place);
+    enum result result = ask_peer(r, out, &err);
+    vacate(r->api->forwards, place);
     if (result == RESULT_OK)
         return;
     if (result != RESULT_CLOSED)
@@ -234,7 +234,7 @@ static void answer(const struct forward *r, struct web_response *out) {
     refuse(out, "away", r->to.name, "does not answer");
 }
 
-static void run(void *data, struct web_response *out) {
+static void run_forward(void *data, struct web_response *out) {
     struct forward *r = data;
     if (out)
         answer(r, out);
@@ -306,7 +306,7 @@ bool forward_takes(struct api_call *call, const struct route *route) {
         refuse(call->response, "away", name, "is away");
         return true;
     }
-    call->response->later = run;
+    call->response->later = run_forward;
     call->response->later_data = copy(call, route, &to);
     return true;
 }

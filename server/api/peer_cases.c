@@ -45,7 +45,7 @@ void peer_cases_destroy(struct peer_cases **peer_cases) {
 
 // ---- finding one --------------------------------------------------------------------------------
 
-static void take_stamps(const char *dir, struct stat out[CONTENT_FILES]) {
+static void take_content_stamps(const char *dir, struct stat out[CONTENT_FILES]) {
     for (int i = 0; i < CONTENT_FILES; i++) {
         char path[PATH_MAX];
         snprintf(path, sizeof path, "%s/%s", dir, content_names[i]);
@@ -64,10 +64,10 @@ static bool is_same(const struct stat a[CONTENT_FILES], const struct stat b[CONT
 }
 
 // With the lock.
-static const struct content *look_up(struct peer_cases *all, int index) {
+static const struct content *look_up_content(struct peer_cases *all, int index) {
     struct content *content = &all->contents[index], now = {0};
     struct error err;
-    take_stamps(all->cases[index].dir, now.stamps);
+    take_content_stamps(all->cases[index].dir, now.stamps);
     if (content->is_known && is_same(content->stamps, now.stamps))
         return content;
     now.is_known = true;
@@ -78,7 +78,7 @@ static const struct content *look_up(struct peer_cases *all, int index) {
 }
 
 // The case with the hash of the query; NULL after a refusal.
-static const struct api_case *find_case(struct api_call *call, struct content *out) {
+static const struct api_case *find_peer_case(struct api_call *call, struct content *out) {
     struct call_query query = {.names = {"hash"}};
     struct peer_cases *all = call->api->peer_cases;
     const struct api_case *found = NULL;
@@ -87,7 +87,7 @@ static const struct api_case *find_case(struct api_call *call, struct content *o
     const char *hash = call_parameter(&query, 0);
     pthread_mutex_lock(&all->lock);
     for (int i = 0; hash && !found && i < all->count; i++) {
-        *out = *look_up(all, i);
+        *out = *look_up_content(all, i);
         found = strcmp(out->hash, hash) ? NULL : &all->cases[i];
     }
     pthread_mutex_unlock(&all->lock);
@@ -108,7 +108,7 @@ void get_peer_cases(struct api_call *call) {
     struct content content;
     struct content_file check;
     call_close_store(call);
-    const struct api_case *found = find_case(call, &content);
+    const struct api_case *found = find_peer_case(call, &content);
     if (!found)
         return;
     json_t *files = json_array();
@@ -124,7 +124,7 @@ void get_peer_cases(struct api_call *call) {
 void get_peer_case_file(struct api_call *call) {
     struct content content;
     call_close_store(call);
-    const struct api_case *found = find_case(call, &content);
+    const struct api_case *found = find_peer_case(call, &content);
     if (!found)
         return;
     for (int i = 0; i < CONTENT_FILES + 1; i++) {

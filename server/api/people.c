@@ -5,7 +5,7 @@
 
 // ---- trainees -----------------------------------------------------------------------------------
 
-static void take_trainee(void *array, const struct store_cell *cells, int count) {
+static void take_trainee_row(void *array, const struct store_cell *cells, int count) {
     json_t *row = call_row(cells, count);
     bool erased = !json_is_null(json_object_get(row, "erased_utc_s"));
     json_object_set_new(row, "erased", json_boolean(erased));
@@ -16,7 +16,7 @@ static void take_trainee(void *array, const struct store_cell *cells, int count)
 void get_trainees(struct api_call *call) {
     struct error err = {""};
     json_t *rows = json_array();
-    enum result result = store_rows(call->store, LIST_TRAINEES, NULL, take_trainee, rows, &err);
+    enum result result = store_rows(call->store, LIST_TRAINEES, NULL, take_trainee_row, rows, &err);
     call_answer_rows(call, "trainees", rows, result, &err);
 }
 

@@ -51,7 +51,8 @@ void rehearsals_destroy(struct rehearsals **rehearsals) {
 }
 
 // With the lock. NULL: not known yet.
-static const struct entry *find(const struct rehearsals *r, const struct rehearsal_wish *wish) {
+static const struct entry *find_rehearsal(const struct rehearsals *r,
+                                          const struct rehearsal_wish *wish) {
     for (int i = 0; i < KEPT; i++) {
         const struct rehearsal_wish *w = &r->entries[i].wish;
         if (r->entries[i].used && w->task == wish->task && w->knee_case == wish->knee_case &&
@@ -102,7 +103,7 @@ enum result rehearsals_take(struct rehearsals *r, const struct rehearsal_wish *w
                             int *out_wait_s) {
     enum result result = RESULT_MISSING;
     pthread_mutex_lock(&r->lock);
-    const struct entry *entry = find(r, wish);
+    const struct entry *entry = find_rehearsal(r, wish);
     if (!entry && r->computing)
         result = RESULT_TIMEOUT;
     else if (!entry && !may_make(r, actor, out_wait_s))

@@ -65,7 +65,7 @@ static void note_away(struct revocation *r, const struct cluster_peer *peer) {
     snprintf(r->away + used, sizeof r->away - used, "%s%s", used ? ", " : "", peer->name);
 }
 
-static bool tell(struct revocation *r, const struct cluster_peer *peer) {
+static bool tell_peer(struct revocation *r, const struct cluster_peer *peer) {
     json_t *body = json_pack("{s:s, s:s}", "station", r->station, "serials", r->serials), *told;
     struct error err;
     enum result result = forward_ask(r->api, peer, REVOCATIONS_PATH, body, &told, &err);
@@ -89,7 +89,7 @@ static void tell_all(struct revocation *r) {
         for (int i = 0; i < count; i++) {
             if (round && known[i] >= strlen(r->serials))
                 continue;
-            if (peers[i].lives && tell(r, &peers[i])) {
+            if (peers[i].lives && tell_peer(r, &peers[i])) {
                 known[i] = strlen(r->serials);
             } else {
                 known[i] = SIZE_MAX;
@@ -100,7 +100,7 @@ static void tell_all(struct revocation *r) {
     free(peers);
 }
 
-static void run(void *data, struct web_response *out) {
+static void run_revocation(void *data, struct web_response *out) {
     struct revocation *r = data;
     struct error err;
     size_t before = strlen(r->serials);
@@ -119,7 +119,7 @@ void revoke_elsewhere(struct api_call *call, const char *station, const char *se
     r->api = call->api;
     snprintf(r->station, sizeof r->station, "%s", station);
     snprintf(r->serials, sizeof r->serials, "%s", serials);
-    call->response->later = run;
+    call->response->later = run_revocation;
     call->response->later_data = r;
 }
 

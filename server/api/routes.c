@@ -14,7 +14,7 @@ const struct route routes[] = {
 const int route_count = sizeof routes / sizeof *routes;
 
 // Takes one part of a path. Returns its end, or NULL if the part is empty or too long.
-static const char *take_part(const char *at, char out[STORE_NAME_MAX]) {
+static const char *take_path_part(const char *at, char out[STORE_NAME_MAX]) {
     size_t length = strcspn(at, "/");
     if (!length || length >= STORE_NAME_MAX)
         return NULL;
@@ -27,7 +27,7 @@ static bool matches(const char *pattern, const char *path, char args[2][STORE_NA
     int count = 0;
     while (*pattern && path) {
         if (*pattern == '*') {
-            path = take_part(path, args[count++]);
+            path = take_path_part(path, args[count++]);
             pattern++;
         } else if (*pattern++ != *path++) {
             return false;

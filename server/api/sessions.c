@@ -20,16 +20,12 @@ static void take_session(void *array, const struct store_cell *cells, int count)
     json_array_append_new(array, row);
 }
 
-static bool is_trainee(const struct api_call *call) {
-    return call->principal.role == ROLE_TRAINEE;
-}
-
 static bool is_id(const char *text) {
     return strlen(text) == STORE_ID_MAX - 1 && strspn(text, "0123456789abcdef") == strlen(text);
 }
 
 // The id that the next page starts after, or null: the query reads one row more than the limit.
-static json_t *take_next(json_t *rows, int limit) {
+static json_t *take_next_session(json_t *rows, int limit) {
     if (json_array_size(rows) <= (size_t)limit)
         return json_null();
     json_array_remove(rows, (size_t)limit);
@@ -37,18 +33,18 @@ static json_t *take_next(json_t *rows, int limit) {
 }
 
 // Who rates an exam does not learn whose session it was. False after a refusal.
-static bool hide_name(struct api_call *call, json_t *row) {
+static bool hide_trainee(struct api_call *call, json_t *row) {
     const char *id = json_string_value(json_object_get(row, "id"));
     if (attempt_is_blind(call, id))
         json_object_set_new(row, "trainee", json_null());
     return !call->response->status;
 }
 
-static bool hide_names(struct api_call *call, json_t *rows) {
+static bool hide_session_names(struct api_call *call, json_t *rows) {
     size_t i;
     json_t *row;
     json_array_foreach(rows, i, row) {
-        if (!hide_name(call, row))
+        if (!hide_trainee(call, row))
             return false;
     }
     return true;
@@ -59,9 +55,9 @@ static void answer_sessions(struct api_call *call, struct store_filter filter) {
     json_t *rows = json_array();
     int limit = filter.limit++;
     enum result result = store_find_sessions(call->store, &filter, take_session, rows, &err);
-    json_t *next = take_next(rows, limit);
+    json_t *next = take_next_session(rows, limit);
     json_t *all = json_pack("{s:o, s:o}", "sessions", rows, "next", next);
-    if (call_check(call, result, &err) && hide_names(call, rows))
+    if (call_check(call, result, &err) && hide_session_names(call, rows))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -85,7 +81,7 @@ void get_sessions(struct api_call *call) {
                     "The parameter 'before' is the id of a session.");
         return;
     }
-    if (is_trainee(call)) {
+    if (call_is_trainee(call)) {
         bool others = filter.trainee && strcmp(filter.trainee, call->principal.trainee);
         filter.trainee = others ? "" : call->principal.trainee; // nobody's
     }
@@ -107,7 +103,7 @@ void get_audit(struct api_call *call) {
 
 static bool is_own(const struct api_call *call, const json_t *row) {
     const char *trainee = json_string_value(json_object_get(row, "trainee"));
-    return !is_trainee(call) ||
+    return !call_is_trainee(call) ||
            (trainee && trainee[0] && !strcmp(trainee, call->principal.trainee));
 }
 
@@ -135,8 +131,8 @@ static void copy_text(const json_t *row, const char *key, char *out, size_t size
     snprintf(out, size, "%s", text ? text : "");
 }
 
-// The part of the session with this number; NULL: there is none. 0: its last one, which the session's
-// row tells of.
+// The part of the session with this number; NULL: there is none. 0: its last one, which the
+// session's row tells of.
 static json_t *find_part(struct api_call *call, json_t *session, int64_t number) {
     if (!number || number == json_integer_value(json_object_get(session, "part")))
         return json_incref(session);
@@ -185,7 +181,7 @@ static void take_result(void *array, const struct store_cell *cells, int count) 
     json_decref(details);
 }
 
-static void take_part(void *array, const struct store_cell *cells, int count) {
+static void take_trace_part(void *array, const struct store_cell *cells, int count) {
     json_t *row = call_row(cells, count);
     json_object_del(row, "session");
     json_object_del(row, "trace");
@@ -203,12 +199,11 @@ void get_session(struct api_call *call) {
     enum result result =
         store_rows(call->store, LIST_RESULTS, call->args[0], take_result, results, &err);
     if (result == RESULT_OK)
-        result = store_rows(call->store, LIST_PARTS, call->args[0], take_part, parts, &err);
+        result = store_rows(call->store, LIST_PARTS, call->args[0], take_trace_part, parts, &err);
     if (attempt_is_withheld(call, call->args[0]) || attempt_is_blind(call, call->args[0]))
         json_array_clear(results);
-    json_t *all =
-        json_pack("{s:o, s:o, s:o}", "session", row, "parts", parts, "results", results);
-    if (call_check(call, result, &err) && hide_name(call, row))
+    json_t *all = json_pack("{s:o, s:o, s:o}", "session", row, "parts", parts, "results", results);
+    if (call_check(call, result, &err) && hide_trainee(call, row))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -227,7 +222,7 @@ void delete_session(struct api_call *call) {
 // ---- its trace ----------------------------------------------------------------------------------
 
 // Whether an exam that was not released keeps the trace from the principal, who has been refused.
-static bool is_sealed(struct api_call *call) {
+static bool is_session_sealed(struct api_call *call) {
     bool blind = attempt_is_blind(call, call->args[0]);
     if (!blind && !attempt_is_withheld(call, call->args[0]))
         return false;
@@ -244,7 +239,7 @@ static bool find_trace(struct api_call *call, int part, char out_path[STORE_TEXT
     json_t *row = find_session(call);
     if (!row)
         return false;
-    if (is_sealed(call)) {
+    if (is_session_sealed(call)) {
         json_decref(row);
         return false;
     }
@@ -296,7 +291,7 @@ static double quantile(const double *values, size_t count, double share) {
     return values[below] + (at - (double)below) * (values[above] - values[below]);
 }
 
-static void tell(struct metric_rows *g) {
+static void tell_rows(struct metric_rows *g) {
     json_t *numbers = json_array();
     bool whole = g->count <= VALUES_MAX;
     for (size_t i = 0; whole && i < g->count; i++)
@@ -311,7 +306,7 @@ static void tell(struct metric_rows *g) {
 
 static void finish(struct metric_rows *g) {
     if (g->head)
-        tell(g);
+        tell_rows(g);
     json_decref(g->head);
     g->head = NULL;
     g->count = 0;
@@ -346,7 +341,7 @@ void get_distributions(struct api_call *call) {
         return;
     struct metric_rows g = {.all = json_array()};
     enum result result =
-        store_figures_on(call->store, name, course, is_trainee(call), take_figure, &g, &err);
+        store_figures_on(call->store, name, course, call_is_trainee(call), take_figure, &g, &err);
     finish(&g);
     free(g.values);
     call_answer_rows(call, "distributions", g.all, result, &err);
@@ -367,7 +362,7 @@ static char *take_place(struct api_call *call) {
     struct api *api = call->api;
     const char *actor = call->principal.actor;
     char *place = NULL;
-    int places = is_trainee(call) ? API_REPORTS_OF_TRAINEES : API_REPORTS_MAX;
+    int places = call_is_trainee(call) ? API_REPORTS_OF_TRAINEES : API_REPORTS_MAX;
     bool waits = false;
     pthread_mutex_lock(&api->reports_lock);
     for (int i = 0; i < API_REPORTS_MAX; i++) {
@@ -429,7 +424,7 @@ static bool choose_course(struct api_call *call, struct call_query *query, struc
     about->records = call->api->config.records;
     if (about->course)
         return call_may_see(call, about->course);
-    if (!is_trainee(call))
+    if (!call_is_trainee(call))
         return true;
     enum result result =
         store_courses_of(call->store, call->principal.trainee, take_first, out_first, &err);
@@ -442,7 +437,7 @@ static bool choose_course(struct api_call *call, struct call_query *query, struc
 void get_session_report(struct api_call *call) {
     struct call_query query = {.names = {"course"}};
     char path[STORE_TEXT_MAX], first[STORE_NAME_MAX];
-    struct api_report about = {.trace = path, .hide_few = is_trainee(call)};
+    struct api_report about = {.trace = path, .hide_few = call_is_trainee(call)};
     if (!find_trace(call, 0, path) || !choose_course(call, &query, &about, first))
         return;
     call_close_store(call);

@@ -23,8 +23,8 @@ static void set_device(struct api_call *call) {
         return;
     device_make(&call->api->key, who, now_ns, device);
     snprintf(call->response->device, sizeof call->response->device,
-             "arthron-device=%s; Path=/api/v1; Max-Age=%d; HttpOnly; SameSite=Strict",
-             device, DEVICE_S);
+             "arthron-device=%s; Path=/api/v1; Max-Age=%d; HttpOnly; SameSite=Strict", device,
+             DEVICE_S);
 }
 
 // Sets a cookie for the principal. RESULT_MISSING if the password or code has changed meanwhile;
@@ -224,7 +224,7 @@ void post_my_sign_out(struct api_call *call) {
         drop_cookie(call);
 }
 
-static void take_name(void *array, const struct store_cell *cells, int count) {
+static void take_sign_in_name(void *array, const struct store_cell *cells, int count) {
     (void)count;
     json_array_append_new(array, json_string(cells[0].text));
 }
@@ -233,7 +233,7 @@ void get_me(struct api_call *call) {
     struct error err = {""};
     json_t *courses = json_array();
     enum result result =
-        store_courses_of(call->store, call->principal.trainee, take_name, courses, &err);
+        store_courses_of(call->store, call->principal.trainee, take_sign_in_name, courses, &err);
     json_t *me =
         json_pack("{s:o, s:o}", "account", account_json(&call->principal), "courses", courses);
     if (call_check(call, result, &err))

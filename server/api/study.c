@@ -9,8 +9,8 @@
 
 #define UTC_MAX_S 9007199254.0
 
-static bool take_times(struct api_call *call, const struct call_query *query,
-                       struct study_request *request) {
+static bool take_study_times(struct api_call *call, const struct call_query *query,
+                             struct study_request *request) {
     double from_s = 0, to_s = 0;
     if (!value_parameter(call, query, 1, 0, UTC_MAX_S, &from_s) ||
         !value_parameter(call, query, 2, 0, UTC_MAX_S, &to_s))
@@ -51,7 +51,8 @@ static void answer_study(struct api_call *call, const struct study_request *requ
 void get_course_export(struct api_call *call) {
     struct call_query query = {.names = {"task", "from", "to"}};
     struct study_request request = {.course = call->args[0]};
-    if (!call_take_query(call, &query) || !take_times(call, &query, &request) || !note_export(call))
+    if (!call_take_query(call, &query) || !take_study_times(call, &query, &request) ||
+        !note_export(call))
         return;
     request.task = call_parameter(&query, 0);
     answer_study(call, &request);

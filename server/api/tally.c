@@ -8,7 +8,7 @@
 
 #define HOUR_NS (3600 * NS_PER_S)
 
-static uint64_t key_of(const char *what) {
+static uint64_t tally_key_of(const char *what) {
     char hash[SECRET_MAX];
     secret_hash(what, hash);
     hash[16] = '\0';
@@ -16,7 +16,7 @@ static uint64_t key_of(const char *what) {
 }
 
 // Its place; else an empty one, or the one whose hour began first.
-static struct tally_key *find_or_make(struct tally *t, uint64_t key, int64_t now_ns) {
+static struct tally_key *find_or_make_tally(struct tally *t, uint64_t key, int64_t now_ns) {
     struct tally_key *place = &t->keys[0];
     for (int i = 0; i < TALLY_KEYS; i++) {
         if (t->keys[i].key == key)
@@ -29,9 +29,9 @@ static struct tally_key *find_or_make(struct tally *t, uint64_t key, int64_t now
 }
 
 int tally_add(struct tally *t, const char *what, int64_t now_ns) {
-    uint64_t key = key_of(what);
+    uint64_t key = tally_key_of(what);
     pthread_mutex_lock(&t->lock);
-    struct tally_key *k = find_or_make(t, key, now_ns);
+    struct tally_key *k = find_or_make_tally(t, key, now_ns);
     if (now_ns - k->since_ns >= HOUR_NS)
         *k = (struct tally_key){.key = key, .since_ns = now_ns};
     k->count += k->count < INT_MAX;

@@ -324,7 +324,7 @@ struct group {
     double figures[TRIALS_MAX];
 };
 
-static void take_time(void *user, const struct store_cell *cells, int count) {
+static void take_task_time(void *user, const struct store_cell *cells, int count) {
     struct group *group = user;
     const char *trainee = cell_of(cells, count, "trainee")->text;
     if (strcmp(cell_of(cells, count, "end")->text, "done") != 0)
@@ -341,7 +341,7 @@ static bool read_group(struct api_call *call, const char *task, const char *cour
     struct error err = {""};
     const struct attempt_filter filter = {
         .task = task, .purpose = "practice", .course = course, .limit = TRIALS_MAX};
-    enum result result = store_attempt_list(call->store, &filter, take_time, out, &err);
+    enum result result = store_attempt_list(call->store, &filter, take_task_time, out, &err);
     return call_check(call, result, &err);
 }
 

@@ -12,14 +12,14 @@
 
 #define FORGET_S 60
 
-static uint64_t key_of(const char *who) {
+static uint64_t throttle_key_of(const char *who) {
     char hash[SECRET_MAX];
     secret_hash(who, hash);
     hash[16] = '\0';
     return strtoull(hash, NULL, 16) | 1; // 0: an empty place
 }
 
-static struct throttle_key *find(struct throttle *t, uint64_t key) {
+static struct throttle_key *find_key(struct throttle *t, uint64_t key) {
     for (int i = 0; i < THROTTLE_KEYS; i++)
         if (t->keys[i].key == key)
             return &t->keys[i];
@@ -33,8 +33,8 @@ static bool is_less(const struct throttle_key *a, const struct throttle_key *b) 
 }
 
 // If all places are taken, that of the fewest tries: many new keys do not push out one that waits.
-static struct throttle_key *find_or_make(struct throttle *t, uint64_t key) {
-    struct throttle_key *place = find(t, key);
+static struct throttle_key *find_or_make_key(struct throttle *t, uint64_t key) {
+    struct throttle_key *place = find_key(t, key);
     if (place)
         return place;
     place = &t->keys[0];
@@ -67,12 +67,12 @@ static int64_t left_ns(struct throttle_key *k, const struct throttle_rule *rule,
     return left > 0 ? left : 0;
 }
 
-static bool ask(struct throttle *t, const char *who, const struct throttle_rule *rule,
-                int64_t now_ns, bool counts, int *out_wait_s) {
+static bool is_allowed(struct throttle *t, const char *who, const struct throttle_rule *rule,
+                       int64_t now_ns, bool counts, int *out_wait_s) {
     CHECK(rule->free > 0 && rule->first_s > 0 && rule->most_s >= rule->first_s);
-    uint64_t key = key_of(who);
+    uint64_t key = throttle_key_of(who);
     pthread_mutex_lock(&t->lock);
-    struct throttle_key *k = counts ? find_or_make(t, key) : find(t, key);
+    struct throttle_key *k = counts ? find_or_make_key(t, key) : find_key(t, key);
     int64_t left = k ? left_ns(k, rule, now_ns) : 0;
     if (counts && !left) {
         k->count += k->count < INT_MAX;
@@ -86,18 +86,18 @@ static bool ask(struct throttle *t, const char *who, const struct throttle_rule 
 
 bool throttle_try(struct throttle *t, const char *who, const struct throttle_rule *rule,
                   int64_t now_ns, int *out_wait_s) {
-    return ask(t, who, rule, now_ns, true, out_wait_s);
+    return is_allowed(t, who, rule, now_ns, true, out_wait_s);
 }
 
 bool throttle_may(struct throttle *t, const char *who, const struct throttle_rule *rule,
                   int64_t now_ns, int *out_wait_s) {
-    return ask(t, who, rule, now_ns, false, out_wait_s);
+    return is_allowed(t, who, rule, now_ns, false, out_wait_s);
 }
 
 void throttle_take_back(struct throttle *t, const char *who, int64_t now_ns) {
-    uint64_t key = key_of(who);
+    uint64_t key = throttle_key_of(who);
     pthread_mutex_lock(&t->lock);
-    struct throttle_key *k = find(t, key);
+    struct throttle_key *k = find_key(t, key);
     if (k && k->count > 0)
         k->count--;
     if (k && k->last_ns == now_ns)

@@ -39,7 +39,7 @@ static EVP_MD_CTX *begin(void) {
 
 // ---- a file -------------------------------------------------------------------------------------
 
-static enum result fail_errno(struct error *err, const char *path) {
+static enum result fail_at(struct error *err, const char *path) {
     enum result code = errno == ENOENT ? RESULT_MISSING : RESULT_IO;
     return fail(err, code, "%s: %s", path, strerror(errno));
 }
@@ -55,14 +55,14 @@ static enum result digest_all(int file, const char *path, EVP_MD_CTX *digest, ui
             *out_size += (uint64_t)got;
         }
     free(piece);
-    return got < 0 ? fail_errno(err, path) : RESULT_OK;
+    return got < 0 ? fail_at(err, path) : RESULT_OK;
 }
 
-static enum result read_open(int file, const char *path, uint64_t max_bytes,
-                             struct content_file *out, struct error *err) {
+static enum result read_open_content(int file, const char *path, uint64_t max_bytes,
+                                     struct content_file *out, struct error *err) {
     struct stat status;
     if (fstat(file, &status) != 0)
-        return fail_errno(err, path);
+        return fail_at(err, path);
     if (!S_ISREG(status.st_mode))
         return fail(err, RESULT_INVALID, "%s: not a regular file", path);
     if ((uint64_t)status.st_size > max_bytes)
@@ -79,8 +79,8 @@ enum result content_read_file(const char *path, uint64_t max_bytes, struct conte
                               struct error *err) {
     int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (file < 0)
-        return fail_errno(err, path);
-    enum result result = read_open(file, path, max_bytes, out, err);
+        return fail_at(err, path);
+    enum result result = read_open_content(file, path, max_bytes, out, err);
     close(file);
     return result;
 }

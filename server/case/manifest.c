@@ -112,7 +112,7 @@ static void read_numbers(struct manifest *m, const struct object *object, const 
     take_numbers(m, need(m, object, key), path, out_values, count);
 }
 
-static vec3 read_vec3(struct manifest *m, const struct object *object, const char *key) {
+static vec3 vec3_of(struct manifest *m, const struct object *object, const char *key) {
     double v[3];
     read_numbers(m, object, key, v, 3);
     return (vec3){v[0], v[1], v[2]};
@@ -126,7 +126,7 @@ static pose take_pose(struct manifest *m, const double v[7], const char *path) {
     return p;
 }
 
-static pose read_pose(struct manifest *m, const struct object *object, const char *key) {
+static pose pose_of(struct manifest *m, const struct object *object, const char *key) {
     double v[7];
     char path[PATH_MAX_LENGTH];
     read_numbers(m, object, key, v, 7);
@@ -141,8 +141,8 @@ static void read_joint(struct manifest *m, const struct object *root, struct joi
     if (joint->side == SIDE_RIGHT && strcmp(side, "right") != 0)
         refuse_key(m, root, "side", "neither left nor right");
     struct object object = open_object(m, need(m, root, "joint"), "joint", keys);
-    joint->T_femur_joint = read_pose(m, &object, "T_femur_joint");
-    joint->T_tibia_joint = read_pose(m, &object, "T_tibia_joint");
+    joint->T_femur_joint = pose_of(m, &object, "T_femur_joint");
+    joint->T_tibia_joint = pose_of(m, &object, "T_tibia_joint");
 }
 
 static void read_scan(struct manifest *m, const struct object *root, struct knee_case *knee) {
@@ -156,7 +156,7 @@ static void read_scan(struct manifest *m, const struct object *root, struct knee
         refuse_key(m, &object, "mirrored", "neither true nor false");
     knee->has_scan = true;
     knee->scan_mirrored = json_is_true(mirrored);
-    knee->T_case_scan = read_pose(m, &object, "T_case_scan");
+    knee->T_case_scan = pose_of(m, &object, "T_case_scan");
 }
 
 // ---- lesions ------------------------------------------------------------------------------------
@@ -281,8 +281,8 @@ static void read_group(struct manifest *m, const struct object *object, struct k
 static void read_portal(struct manifest *m, const struct object *object, struct knee_case *knee) {
     struct case_portal *portal = &knee->portals[knee->portal_count++];
     read_name(m, object, "name", portal->name);
-    portal->position = read_vec3(m, object, "position");
-    portal->direction = read_vec3(m, object, "direction");
+    portal->position = vec3_of(m, object, "position");
+    portal->direction = vec3_of(m, object, "direction");
 }
 
 static void read_landmark(struct manifest *m, const struct object *object, struct knee_case *knee) {
@@ -291,7 +291,7 @@ static void read_landmark(struct manifest *m, const struct object *object, struc
     read_name(m, object, "name", landmark->name);
     if (!body_from_name(read_string(m, object, "body"), &landmark->body))
         refuse_key(m, object, "body", "neither femur, tibia nor patella");
-    landmark->at = read_vec3(m, object, "at");
+    landmark->at = vec3_of(m, object, "at");
     landmark->error_mm = read_number(m, object, "error_mm");
     landmark->by_hand = strcmp(by, "hand") == 0;
     if (!landmark->by_hand && strcmp(by, "proposal") != 0)
@@ -303,14 +303,14 @@ static void read_loose(struct manifest *m, const struct object *object, struct k
     read_name(m, object, "name", loose->name);
     if (!body_from_name(read_string(m, object, "body"), &loose->body))
         refuse_key(m, object, "body", "neither femur, tibia nor patella");
-    loose->at = read_vec3(m, object, "at");
-    loose->radii_mm = read_vec3(m, object, "radii_mm");
+    loose->at = vec3_of(m, object, "at");
+    loose->radii_mm = vec3_of(m, object, "radii_mm");
 }
 
 static void read_patella(struct manifest *m, const struct object *object, struct knee_case *knee) {
     struct patella_key *key = &knee->patella_keys[knee->patella_key_count++];
     key->flexion_deg = read_number(m, object, "flexion_deg");
-    key->T_femur_patella = read_pose(m, object, "T_femur_patella");
+    key->T_femur_patella = pose_of(m, object, "T_femur_patella");
 }
 
 // An array that may be absent, of at most so many; NULL where there is none.
@@ -366,8 +366,8 @@ static void read_key(struct manifest *m, const struct object *object, struct kne
     }
     struct case_key *key = &knee->keys[knee->key_count++];
     key->ligament = knee->torn_count - 1;
-    key->physical = read_pose(m, object, "physical");
-    key->target = read_pose(m, object, "target");
+    key->physical = pose_of(m, object, "physical");
+    key->target = pose_of(m, object, "target");
 }
 
 static void read_torn(struct manifest *m, const struct object *object, struct knee_case *knee) {

@@ -25,7 +25,7 @@ static double flexion_between(const struct knee_case *knee, pose a, pose b) {
 
 // ---- the file -----------------------------------------------------------------------------------
 
-static bool read_pose(const json_t *array, pose *out) {
+static bool read_pose_array(const json_t *array, pose *out) {
     double v[7];
     bool good = json_array_size(array) == 7;
     for (size_t i = 0; i < 7 && good; i++) {
@@ -49,7 +49,7 @@ static enum result read_entries(const json_t *json, struct recorded_keys *out, s
         if (!name || !case_name_is_valid(name))
             return fail(err, RESULT_INVALID, "physical[%zu].ligament: not a name", i);
         strcpy(out->waiting[i].ligament, name);
-        if (!read_pose(json_object_get(entry, "T_femur_tibia"), &out->waiting[i].physical))
+        if (!read_pose_array(json_object_get(entry, "T_femur_tibia"), &out->waiting[i].physical))
             return fail(err, RESULT_INVALID, "physical[%zu].T_femur_tibia: not a pose", i);
         out->count++;
     }

@@ -8,11 +8,6 @@
 #define CONDYLES_MM 35 // from the distal end of the femur
 #define PLATEAU_MM 15  // from the proximal end of the tibia
 
-static void include(struct box *box, vec3 p) {
-    box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
-    box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
-}
-
 // In the joint's frame, which all bodies share at rest: x to the right, z proximal. Of the vertices
 // from low to high.
 static struct box box_between(const struct knee_case *knee, const struct mesh *mesh, double low,
@@ -21,24 +16,24 @@ static struct box box_between(const struct knee_case *knee, const struct mesh *m
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         vec3 p = pose_apply_inverse(knee->joint.T_femur_joint, mesh_vertex(mesh, v));
         if (p.z >= low && p.z <= high)
-            include(&box, p);
+            box_include(&box, p);
     }
     return box;
 }
 
-static struct box whole(const struct knee_case *knee, const struct mesh *mesh) {
+static struct box whole_box(const struct knee_case *knee, const struct mesh *mesh) {
     return box_between(knee, mesh, -INFINITY, INFINITY);
 }
 
 static struct box condyles_of(struct knee_case *knee) {
     const struct mesh *femur = &case_group(knee, "femur")->mesh;
-    double end = whole(knee, femur).min.z;
+    double end = whole_box(knee, femur).min.z;
     return box_between(knee, femur, end, end + CONDYLES_MM);
 }
 
 static void inspect_widths(struct knee_case *knee, struct inspection *out) {
     const struct mesh *tibia = &case_group(knee, "tibia")->mesh;
-    double top = whole(knee, tibia).max.z;
+    double top = whole_box(knee, tibia).max.z;
     struct box condyles = condyles_of(knee);
     struct box plateau = box_between(knee, tibia, top - PLATEAU_MM, top);
     bound_inspect(out, BOUND_CONDYLES, "femur", condyles.max.x - condyles.min.x);
@@ -59,7 +54,7 @@ static void inspect_patella(struct knee_case *knee, struct inspection *out) {
     vec3 plateau;
     if (!patella)
         return;
-    struct box box = whole(knee, &patella->mesh), condyles = condyles_of(knee);
+    struct box box = whole_box(knee, &patella->mesh), condyles = condyles_of(knee);
     double height = box.max.z - box.min.z, width = condyles.max.x - condyles.min.x;
     double aside = fabs(box.min.x + box.max.x - condyles.min.x - condyles.max.x) / 2;
     bound_inspect(out, BOUND_PATELLA_HEIGHT, "patella", height);

@@ -93,26 +93,21 @@ static uint32_t skin_bit(const struct knee_case *knee) {
     return bits;
 }
 
-static void include(struct box *box, vec3 p) {
-    box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
-    box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
-}
-
 // Nothing can be reached beyond: of the skin, or of the planes, which are close to their hull.
-static struct box bounds(const struct scene *scene, const struct scene_stance *stance) {
+static struct box bounds_of_stance(const struct scene *scene, const struct scene_stance *stance) {
     const struct knee_case *knee = scene_case(scene);
     struct box box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
     double around = NEAR_JOINT_MM + 2 * PLANES_OFF_MM;
     for (int i = 0; i < knee->group_count; i++) {
         const struct case_group *group = &knee->groups[i];
         for (uint32_t v = 0; case_group_is_skin(group) && v < group->mesh.vertex_count; v++)
-            include(&box,
-                    pose_apply(stance->T_femur_body[group->body], mesh_vertex(&group->mesh, v)));
+            box_include(
+                &box, pose_apply(stance->T_femur_body[group->body], mesh_vertex(&group->mesh, v)));
     }
     for (int i = 0; i < 8 && !has_skin(knee); i++) {
         vec3 corner = {i & 1 ? around : -around, i & 2 ? around : -around,
                        i & 4 ? around : -around};
-        include(&box, vec3_add(inspect_joint_centre(knee), corner));
+        box_include(&box, vec3_add(inspect_joint_centre(knee), corner));
     }
     return box;
 }
@@ -129,7 +124,7 @@ struct stage {
     double from, to;
 };
 
-static void tell(void *context, double share) {
+static void tell_progress(void *context, double share) {
     const struct stage *stage = context;
     stage->settings->progress(stage->settings->context, stage->what,
                               (1 - share) * stage->from + share * stage->to);
@@ -154,7 +149,7 @@ static enum result walk_space(const struct case_check *check, const struct scene
         .surfaces = roles,
         .planes = planes,
         .plane_count = check_planes(scene, walk->stance, planes),
-        .box = common(moved_box(walk->moved), bounds(scene, walk->stance)),
+        .box = common(moved_box(walk->moved), bounds_of_stance(scene, walk->stance)),
         .spacing_mm = walk->spacing_mm,
     };
     struct space space;
@@ -188,9 +183,9 @@ static enum result look_eased(const struct case_check *check, const struct scene
     return result;
 }
 
-static enum result look(struct case_check *check, const struct scene *scene,
-                        const struct eased *eased, const struct progress *progress,
-                        struct check_pose *at, struct error *err) {
+static enum result look_around(struct case_check *check, const struct scene *scene,
+                               const struct eased *eased, const struct progress *progress,
+                               struct check_pose *at, struct error *err) {
     struct scene_stance stance;
     struct moved moved;
     const struct field *field = &check->settings.field;
@@ -328,7 +323,7 @@ static enum result look_at_poses(struct case_check *check, const struct scene *s
     const struct check_settings *settings = &check->settings;
     choose_poses(check, scene_case(scene));
     struct stage stage = {.settings = settings};
-    const struct progress progress = {tell, &stage};
+    const struct progress progress = {tell_progress, &stage};
     struct eased *eased = eased_create(scene);
     double first = overlaps_share(settings);
     int before = 0, count = 0; // of poses where something is displaced
@@ -337,8 +332,8 @@ static enum result look_at_poses(struct case_check *check, const struct scene *s
         stage.what = check->poses[i].name;
         stage.from = first + (1 - first) * before / fmax(count, 1);
         stage.to = first + (1 - first) * (before + 1) / fmax(count, 1);
-        result =
-            look(check, scene, eased, settings->progress ? &progress : NULL, &check->poses[i], err);
+        result = look_around(check, scene, eased, settings->progress ? &progress : NULL,
+                             &check->poses[i], err);
         before += !check->poses[i].is_still;
     }
     eased_destroy(&eased);
@@ -365,7 +360,7 @@ static enum result look_at_knee(struct case_check *check, struct knee_case *knee
                                 struct error *err) {
     const struct check_settings *settings = &check->settings;
     struct stage stage = {settings, "overlaps", 0, overlaps_share(settings)};
-    const struct progress progress = {tell, &stage};
+    const struct progress progress = {tell_progress, &stage};
     inspect_case(knee, &check->findings);
     enum result result =
         contacts_look(knee, settings->progress ? &progress : NULL, &check->contacts, err);

@@ -74,7 +74,7 @@ static void keep(struct facing_spot *spot, bool had, double had_value, double va
         *spot = *other;
 }
 
-static void take(struct facing_pair *pair, const struct facing_spot *spot) {
+static void take_spot(struct facing_pair *pair, const struct facing_spot *spot) {
     pair->count++;
     if (facing_is_filled(spot)) {
         keep(&pair->filling, pair->filled++, pair->filling.closed_mm - pair->filling.gap_mm,
@@ -115,7 +115,7 @@ static void compare_vertex(const struct compare *c, int a, const struct vertex *
     for (int b = 0; b < scene->surface_count; b++) {
         struct facing_spot spot;
         if (b != a && !(c->skipped >> b & 1) && compare_point(scene, &point, b, &spot))
-            take(&c->pairs[a * scene->surface_count + b], &spot);
+            take_spot(&c->pairs[a * scene->surface_count + b], &spot);
     }
 }
 
@@ -131,7 +131,7 @@ static void compare_surface(void *context, int a) {
     free(vertices);
 }
 
-static void add(struct facing_pair *pair, const struct facing_pair *other) {
+static void add_pair(struct facing_pair *pair, const struct facing_pair *other) {
     if (other->filled)
         keep(&pair->filling, pair->filled, pair->filling.closed_mm - pair->filling.gap_mm,
              other->filling.closed_mm - other->filling.gap_mm, &other->filling);
@@ -154,7 +154,7 @@ void facing_compare(const struct warp_scene *scene, uint32_t skipped, struct fac
             *pair = c.pairs[a * n + b];
             pair->a = a;
             pair->b = b;
-            add(pair, &c.pairs[b * n + a]);
+            add_pair(pair, &c.pairs[b * n + a]);
             out->count += pair->count > 0;
         }
     free(c.pairs);

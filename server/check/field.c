@@ -196,7 +196,7 @@ static double determinant_of(const struct warp *warp) {
     return mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp->gradient));
 }
 
-static void take(struct field_slab *slab, vec3 y, const struct warp *warp, double norm) {
+static void take_node(struct field_slab *slab, vec3 y, const struct warp *warp, double norm) {
     struct field_figures *f = slab->figures;
     double bin = norm / GAIN_BIN;
     f->gains[bin < GAIN_BINS - 1 ? (int)bin : GAIN_BINS - 1]++;
@@ -239,7 +239,7 @@ static bool ease(struct field_slab *slab, vec3 y, struct warp *warp) {
     return true;
 }
 
-static struct field_node look(struct field_slab *slab, vec3 y, bool counts) {
+static struct field_node look_at_node(struct field_slab *slab, vec3 y, bool counts) {
     const struct field_walk *w = slab->walk;
     struct warp warp;
     slab->count = warp_contacts(w->scene, w->field, y, &slab->memory, &warp, slab->contacts);
@@ -254,7 +254,7 @@ static struct field_node look(struct field_slab *slab, vec3 y, bool counts) {
     struct field_node node = {true, warp.displacement, mat3_norm(warp.gradient)};
     bool matters = vec3_length(warp.displacement) > MATTERS || node.norm > MATTERS;
     if (counts && matters)
-        take(slab, y, &warp, node.norm);
+        take_node(slab, y, &warp, node.norm);
     else if (counts)
         slab->figures->still++;
     return node;
@@ -352,7 +352,7 @@ static void walk_plane(struct field_slab *slab, int k, bool counts) {
                 slab->figures->still += counts;
                 continue;
             }
-            plane[n] = look(slab, y, counts);
+            plane[n] = look_at_node(slab, y, counts);
             if (!plane[n].is_there || !counts || slab->walk->aimed)
                 continue;
             if (i > 0)
@@ -403,7 +403,7 @@ void field_counts_add(struct field_figures *sum, const struct field_figures *fig
         sum->gains[i] += figures->gains[i];
 }
 
-static void add(struct field_figures *f, const struct field_figures *g) {
+static void add_figures(struct field_figures *f, const struct field_figures *g) {
     if (g->looked)
         keep_larger(&f->gain, f->looked, &g->gain);
     if (g->jumped)
@@ -426,7 +426,7 @@ void field_walk(const struct warp_scene *scene, const struct warp_scene *aimed,
     walk.slabs = alloc((size_t)slabs, sizeof *walk.slabs);
     parallel_for(slabs, walk_slab, &walk, progress);
     for (int i = 0; i < slabs; i++)
-        add(figures, &walk.slabs[i]);
+        add_figures(figures, &walk.slabs[i]);
     free(walk.slabs);
 }
 

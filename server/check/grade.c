@@ -89,7 +89,7 @@ static void take_reason(const json_t *root, struct case_grade *out) {
     }
 }
 
-static enum result take(const json_t *root, struct case_grade *out, struct error *err) {
+static enum result take_fields(const json_t *root, struct case_grade *out, struct error *err) {
     const char *format = json_string_value(json_object_get(root, "format"));
     const json_t *version = json_object_get(root, "version");
     const json_t *quick = json_object_get(root, "quick");
@@ -119,8 +119,8 @@ static enum result parse(const uint8_t *bytes, size_t size, struct case_grade *o
     json_t *root = json_loadb((const char *)bytes, size, JSON_REJECT_DUPLICATES, &where);
     if (!root)
         return fail(err, RESULT_FORMAT, "line %d: %s", where.line, where.text);
-    enum result result =
-        json_is_object(root) ? take(root, out, err) : fail(err, RESULT_FORMAT, "not an object");
+    enum result result = json_is_object(root) ? take_fields(root, out, err)
+                                              : fail(err, RESULT_FORMAT, "not an object");
     json_decref(root);
     return result;
 }

@@ -67,18 +67,13 @@ static bool height_over(const vec3 p[3], double x, double y, double *out_z) {
     return b >= 0 && c >= 0 && b + c <= 1;
 }
 
-static void include(struct box *box, vec3 p) {
-    box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
-    box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
-}
-
 // Box of the mesh in the joint's frame, from the height `above` on.
 static struct box box_in_joint(const struct mesh *mesh, pose T_mesh_joint, double above) {
     struct box box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         vec3 p = pose_apply_inverse(T_mesh_joint, mesh_vertex(mesh, v));
         if (p.z >= above)
-            include(&box, p);
+            box_include(&box, p);
     }
     return box;
 }
@@ -164,7 +159,7 @@ static uint32_t more(uint32_t after, uint32_t before) {
 
 // A cut in a part of the tissue leaves the touched surface between S' and S'_max, and so does
 // easing. The match ends creases of its own; what crosses has no room.
-static void inspect_way(const struct case_group *group, struct inspection *out) {
+static void inspect_group_way(const struct case_group *group, struct inspection *out) {
     struct mesh whole, between;
     struct folds worst = {0};
     int at = 0;
@@ -215,7 +210,7 @@ static void inspect_maxcut(const struct case_group *group, struct inspection *ou
         inspection_note(out, FINDING_FAULT, group->name,
                         "maxcut: folded, %u pairs of triangles cross and %u lie on one another",
                         report.folds.crossed, report.folds.creased);
-    inspect_way(group, out);
+    inspect_group_way(group, out);
     inspect_budget(group, &report, out);
 }
 
@@ -264,7 +259,7 @@ static void inspect_places(struct knee_case *knee, struct inspection *out) {
         inspection_note(out, FINDING_FAULT, "joint", "its centre does not lie in the femur");
 }
 
-static double distance_to(const struct mesh *mesh, vec3 p) {
+static double distance_to_mesh(const struct mesh *mesh, vec3 p) {
     double nearest = INFINITY;
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         struct closest closest;
@@ -278,7 +273,7 @@ static void inspect_portals(struct knee_case *knee, struct inspection *out) {
     const struct case_group *skin = case_skin(knee);
     for (int i = 0; i < knee->portal_count; i++) {
         const struct case_portal *portal = &knee->portals[i];
-        double off = skin ? distance_to(&skin->mesh, portal->position) : 0;
+        double off = skin ? distance_to_mesh(&skin->mesh, portal->position) : 0;
         if (off > PORTAL_OFF_SKIN_MAX_MM)
             inspection_note(out, FINDING_FAULT, portal->name, "the portal is %.1f mm off the skin",
                             off);

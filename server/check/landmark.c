@@ -17,7 +17,7 @@ static const struct named {
     enum side_of side;
     double near_mm;
     bool within; // it may lie inside
-} names[] = {
+} landmark_names[] = {
     {"condyle_medial", TISSUE_NO_SIDE, BODY_FEMUR, MEDIAL, 3, false},
     {"condyle_lateral", TISSUE_NO_SIDE, BODY_FEMUR, LATERAL, 3, false},
     {"trochlea", TISSUE_NO_SIDE, BODY_FEMUR, MIDDLE, 3, false},
@@ -43,9 +43,9 @@ static const struct named {
 };
 
 static const struct named *named(const char *name) {
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (!strcmp(names[i].name, name))
-            return &names[i];
+    for (size_t i = 0; i < sizeof landmark_names / sizeof *landmark_names; i++)
+        if (!strcmp(landmark_names[i].name, name))
+            return &landmark_names[i];
     return NULL;
 }
 
@@ -80,7 +80,7 @@ void landmarks_look(const struct knee_case *knee, const struct touching *touchin
 
 // ---- findings -----------------------------------------------------------------------------------
 
-#define REMEDY                                                                                     \
+#define LANDMARK_REMEDY                                                                            \
     ". Give it by hand (arthron-case landmarks --landmark). Or take it out of case.json, and let " \
     "that command find it"
 
@@ -96,19 +96,22 @@ static void inspect_one(const struct case_landmark *landmark, double off_mm, vec
     if (!n)
         return;
     if (n->body != landmark->body)
-        inspection_note(inspection, FINDING_FAULT, n->name, "is on the %s, not on the %s" REMEDY,
-                        body_name(landmark->body), body_name(n->body));
+        inspection_note(inspection, FINDING_FAULT, n->name,
+                        "is on the %s, not on the %s" LANDMARK_REMEDY, body_name(landmark->body),
+                        body_name(n->body));
     double beyond = off_mm - n->near_mm - ERRORS * landmark->error_mm;
     if (beyond > 0)
         inspection_note(
             inspection, beyond > LANDMARK_FAR_MM ? FINDING_FAULT : FINDING_WARNING, n->name,
-            "lies %.1f mm off the %s (%.1f %.1f %.1f), and its error is %.1f mm" REMEDY, off_mm,
-            surface_name(n), landmark->at.x, landmark->at.y, landmark->at.z, landmark->error_mm);
+            "lies %.1f mm off the %s (%.1f %.1f %.1f), and its error is %.1f mm" LANDMARK_REMEDY,
+            off_mm, surface_name(n), landmark->at.x, landmark->at.y, landmark->at.z,
+            landmark->error_mm);
     if (n->side * local.x < -SIDE_MM)
-        inspection_note(inspection, FINDING_FAULT, n->name,
-                        "lies %.1f mm to the %s side of the joint's centre (%.1f %.1f %.1f)" REMEDY,
-                        fabs(local.x), local.x > 0 ? "lateral" : "medial", landmark->at.x,
-                        landmark->at.y, landmark->at.z);
+        inspection_note(
+            inspection, FINDING_FAULT, n->name,
+            "lies %.1f mm to the %s side of the joint's centre (%.1f %.1f %.1f)" LANDMARK_REMEDY,
+            fabs(local.x), local.x > 0 ? "lateral" : "medial", landmark->at.x, landmark->at.y,
+            landmark->at.z);
 }
 
 // The first one lies farther along the axis than the second one: x lateral, y anterior, z proximal.
@@ -145,7 +148,7 @@ static void inspect_order(const struct knee_case *knee, const struct local *loca
         along(to_local(local, a->at), order->axis) > along(to_local(local, b->at), order->axis))
         return;
     inspection_note(inspection, FINDING_FAULT, a->name,
-                    "lies %s %s (%.1f %.1f %.1f): are the two exchanged?" REMEDY,
+                    "lies %s %s (%.1f %.1f %.1f): are the two exchanged?" LANDMARK_REMEDY,
                     order->axis == 'x'   ? "medial of"
                     : order->axis == 'y' ? "behind"
                                          : "below",

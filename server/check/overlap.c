@@ -4,14 +4,14 @@
 #include <stdlib.h>
 
 // Of one surface and one cube. `least`: its signed distance at the cube's centre, or less.
-struct side {
+struct overlap_side {
     double least;
     bool holds; // the cube lies inside
 };
 
 struct cube {
     vec3 centre;
-    struct side a, b;
+    struct overlap_side a, b;
 };
 
 struct meeting {
@@ -52,7 +52,7 @@ static void look_for_depth(struct meeting *m, const struct cube *cube, vec3 on_a
         deepen(m, -distance_a(m, on_b, &unused), on_b);
 }
 
-static double share_inside(const struct side *side, double side_mm) {
+static double share_inside(const struct overlap_side *side, double side_mm) {
     return side->holds ? 1 : fmin(fmax(0.5 - side->least / side_mm, 0), 1);
 }
 
@@ -122,7 +122,7 @@ static void look_at_cubes(struct meeting *m, vec3 centre) {
     }
 }
 
-static struct box box_of(const struct shell *shell, pose T) {
+static struct box box_of_shell(const struct shell *shell, pose T) {
     struct box box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
     double around = shell->border ? BEHIND_SHEET_MM : 0;
     for (uint32_t v = 0; v < shell->mesh.vertex_count; v++) {
@@ -139,8 +139,8 @@ struct overlap overlap_of(const struct touching *a, const struct touching *b, po
     struct meeting meeting = {.a = a, .b = b, .T_a_b = T_a_b};
     if (!a->shell_count || !b->shell_count)
         return meeting.found;
-    struct box of_a = box_of(touching_surface(a), pose_identity());
-    struct box of_b = box_of(touching_surface(b), T_a_b);
+    struct box of_a = box_of_shell(touching_surface(a), pose_identity());
+    struct box of_b = box_of_shell(touching_surface(b), T_a_b);
     vec3 min = {fmax(of_a.min.x, of_b.min.x), fmax(of_a.min.y, of_b.min.y),
                 fmax(of_a.min.z, of_b.min.z)};
     vec3 max = {fmin(of_a.max.x, of_b.max.x), fmin(of_a.max.y, of_b.max.y),

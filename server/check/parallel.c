@@ -16,7 +16,7 @@ struct share {
     int done;
 };
 
-static void tell(struct share *share) {
+static void tell_done(struct share *share) {
     if (!share->progress)
         return;
     pthread_mutex_lock(&share->lock);
@@ -28,7 +28,7 @@ static void *take_share(void *argument) {
     struct share *share = argument;
     for (int i; (i = atomic_fetch_add(&share->next, 1)) < share->count;) {
         share->work(share->context, i);
-        tell(share);
+        tell_done(share);
     }
     return NULL;
 }

@@ -19,7 +19,8 @@ struct targets {
     vec3 all[TARGETS_MAX]; // femur's frame
 };
 
-static vec3 place_of(const struct knee_case *knee, const struct local *local, const char *name) {
+static vec3 place_of_name(const struct knee_case *knee, const struct local *local,
+                          const char *name) {
     const struct case_landmark *landmark = case_landmark(knee, name);
     return landmark ? to_local(local, landmark->at) : (vec3){NAN, NAN, NAN};
 }
@@ -27,9 +28,9 @@ static vec3 place_of(const struct knee_case *knee, const struct local *local, co
 // Between the notch's roof and the plateaus, and before them.
 static void spread_targets(const struct knee_case *knee, struct targets *out) {
     struct local local = local_of(knee);
-    vec3 notch = place_of(knee, &local, "notch");
-    vec3 plateau = vec3_lerp(place_of(knee, &local, "plateau_medial"),
-                             place_of(knee, &local, "plateau_lateral"), 0.5);
+    vec3 notch = place_of_name(knee, &local, "notch");
+    vec3 plateau = vec3_lerp(place_of_name(knee, &local, "plateau_medial"),
+                             place_of_name(knee, &local, "plateau_lateral"), 0.5);
     out->count = 0;
     for (int i = 0; i < TARGETS_MAX; i++) {
         double across = 4 * (i % 3 - 1), before = 3 * (i / 3 % 5 + 1), up = 0.1 * (i / 15 + 1);
@@ -155,23 +156,23 @@ void portals_look(struct knee_case *knee, const struct touching *touching,
     }
 }
 
-#define REMEDY                                                                                     \
+#define PORTAL_REMEDY                                                                              \
     "Move the portal to beside the patellar tendon at the joint line, or let arthron-case "        \
     "landmarks propose portals"
 
-static void inspect_way(const struct knee_case *knee, const struct case_portal *portal,
-                        const struct portal_look *look, struct inspection *inspection) {
+static void inspect_portal_way(const struct knee_case *knee, const struct case_portal *portal,
+                               const struct portal_look *look, struct inspection *inspection) {
     const char *bone = knee->groups[look->clear_group].name;
     if (look->clear_mm < 0)
         inspection_note(
             inspection, FINDING_FAULT, portal->name,
             "no straight way from the portal to the notch is free of bone. At %g "
-            "degrees the best one goes %.1f mm deep through %s (%.1f %.1f %.1f). " REMEDY,
+            "degrees the best one goes %.1f mm deep through %s (%.1f %.1f %.1f). " PORTAL_REMEDY,
             look->flexion_deg, -look->clear_mm, bone, look->place.x, look->place.y, look->place.z);
     else if (look->clear_mm < PORTAL_ROOM_MM)
         inspection_note(inspection, FINDING_WARNING, portal->name,
                         "an instrument needs %g mm beside its way to the notch. At %g degrees the "
-                        "best way leaves %.1f mm beside %s (%.1f %.1f %.1f). " REMEDY,
+                        "best way leaves %.1f mm beside %s (%.1f %.1f %.1f). " PORTAL_REMEDY,
                         PORTAL_ROOM_MM, look->flexion_deg, look->clear_mm, bone, look->place.x,
                         look->place.y, look->place.z);
 }
@@ -182,10 +183,10 @@ void portals_inspect(const struct knee_case *knee, const struct portal_look *loo
         const struct case_portal *portal = &knee->portals[i];
         if (looks[i].depth_mm > 0)
             inspection_note(inspection, FINDING_FAULT, portal->name,
-                            "the portal is %.1f mm inside %s. " REMEDY, looks[i].depth_mm,
+                            "the portal is %.1f mm inside %s. " PORTAL_REMEDY, looks[i].depth_mm,
                             knee->groups[looks[i].depth_group].name);
         if (looks[i].has_way)
-            inspect_way(knee, portal, &looks[i], inspection);
+            inspect_portal_way(knee, portal, &looks[i], inspection);
         if (looks[i].has_no_notch)
             inspection_note(inspection, FINDING_NOTE, portal->name,
                             "the way to the notch is not examined, because the notch or a plateau "

@@ -86,8 +86,8 @@ static vec3 contact_on(const struct section_view *view, const struct knee_case *
     return count > 0 ? vec3_scale(1 / count, sum) : (vec3){side * 20, 0, 0};
 }
 
-static struct box box_of(const struct section_view *view, const struct knee_case *knee,
-                         enum section_kind kind) {
+static struct box box_of_view(const struct section_view *view, const struct knee_case *knee,
+                              enum section_kind kind) {
     double lateral_side = knee->joint.side == SIDE_RIGHT ? 1 : -1;
     vec3 medial = contact_on(view, knee, -lateral_side),
          lateral = contact_on(view, knee, lateral_side);
@@ -114,7 +114,7 @@ static size_t node_of(const struct section *s, const struct space *space, int i,
     return s->kind == SECTION_CORONAL ? space_node(space, i, 0, k) : space_node(space, 0, i, k);
 }
 
-static vec3 place_of(const struct section *s, const struct space *space, int i, int k) {
+static vec3 place_of_cell(const struct section *s, const struct space *space, int i, int k) {
     return s->kind == SECTION_CORONAL ? space_at(space, i, 0, k) : space_at(space, 0, i, k);
 }
 
@@ -141,7 +141,7 @@ static void fill_row(void *context, int k) {
         struct section_cell *cell = &s->cells[i + s->size[0] * k];
         cell->place = fill->space->places[node_of(s, fill->space, i, k)];
         if (cell->place == PLACE_FREE)
-            fill_cell(fill, place_of(s, fill->space, i, k), &memory, cell);
+            fill_cell(fill, place_of_cell(s, fill->space, i, k), &memory, cell);
     }
 }
 
@@ -260,7 +260,7 @@ enum result section_make(const struct scene *scene, const struct check_settings 
                                 .surfaces = roles,
                                 .planes = planes,
                                 .plane_count = check_planes(scene, &view.stance, planes),
-                                .box = box_of(&view, scene_case(scene), kind),
+                                .box = box_of_view(&view, scene_case(scene), kind),
                                 .spacing_mm = spacing_mm};
     pose T_femur_world =
         pose_compose(view.stance.T_femur_body[BODY_TIBIA], scene_case(scene)->joint.T_tibia_joint);

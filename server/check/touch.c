@@ -108,7 +108,8 @@ static bool is_past_border(const struct shell *shell, const struct closest *clos
     return shell->solid.neighbours[slot] == MESH_NONE;
 }
 
-static double distance_to(const struct shell *shell, vec3 p, uint32_t *hint, vec3 *out_point) {
+static double distance_to_shell(const struct shell *shell, vec3 p, uint32_t *hint,
+                                vec3 *out_point) {
     struct closest closest;
     bool found = query_closest(shell->solid.query, p, INFINITY, *hint, &closest);
     CHECK(found);
@@ -142,7 +143,7 @@ static bool is_buried(const struct touching *touching, int shell, vec3 p,
     vec3 point;
     for (int i = 0; i < touching->shell_count; i++)
         if (i != shell && distance_to_box(&touching->shells[i], p) == 0 &&
-            distance_to(&touching->shells[i], p, &hints->triangles[i], &point) < 0)
+            distance_to_shell(&touching->shells[i], p, &hints->triangles[i], &point) < 0)
             return true;
     return false;
 }
@@ -261,7 +262,7 @@ double touching_distance(const struct touching *touching, vec3 p, struct touchin
         vec3 point;
         if (!touching->shells[i].border && distance_to_box(&touching->shells[i], p) >= least)
             continue;
-        double distance = distance_to(&touching->shells[i], p, &hints->triangles[i], &point);
+        double distance = distance_to_shell(&touching->shells[i], p, &hints->triangles[i], &point);
         if (distance < least) {
             least = distance;
             *out_point = point;

@@ -203,7 +203,7 @@ static json_t *findings(const struct inspection *inspection) {
     return array;
 }
 
-static json_t *whole(const struct case_check *check, int64_t utc_s) {
+static json_t *whole_verdict(const struct case_check *check, int64_t utc_s) {
     char hash[17], date[32];
     time_t now = (time_t)utc_s;
     struct tm utc;
@@ -236,7 +236,7 @@ static json_t *whole(const struct case_check *check, int64_t utc_s) {
 }
 
 char *verdict_text(const struct case_check *check, int64_t utc_s) {
-    json_t *root = whole(check, utc_s);
+    json_t *root = whole_verdict(check, utc_s);
     char *text = json_dumps(root, JSON_INDENT(1) | JSON_REAL_PRECISION(9));
     json_decref(root);
     NEED(text, "memory");

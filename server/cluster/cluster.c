@@ -152,7 +152,7 @@ static void on_saw(void *user, const char *key, const char *value, size_t size, 
     put_event(user, &event);
 }
 
-static void on_connected(void *user, bool is_connected) {
+static void on_jet_connected(void *user, bool is_connected) {
     struct cluster *c = user;
     atomic_store(&c->connected, is_connected);
     if (is_connected)
@@ -255,7 +255,7 @@ static void send_outgoing(struct cluster *c) {
     free(all);
 }
 
-static void turn(struct cluster *c) {
+static void turn_cluster(struct cluster *c) {
     struct heard *events;
     int count;
     wait_for_events(c, &events, &count);
@@ -276,7 +276,7 @@ static void turn(struct cluster *c) {
 static void *keep_lease(void *argument) {
     struct cluster *c = argument;
     while (!atomic_load(&c->ends))
-        turn(c);
+        turn_cluster(c);
     return NULL;
 }
 
@@ -311,7 +311,7 @@ static struct jet_letter *next_letter(struct cluster *c, int station, uint64_t *
 }
 
 // Outside the lock, which the writer of traces needs: NATS may take nothing for a while.
-static void publish(struct cluster *c, int station) {
+static void publish_station(struct cluster *c, int station) {
     struct jet_letter *letter;
     uint64_t id;
     while ((letter = next_letter(c, station, &id)) != NULL)
@@ -349,7 +349,7 @@ static void serve_journal(struct cluster *c, int station) {
         put_state(part, trace);
     if (is_away)
         return;
-    publish(c, station);
+    publish_station(c, station);
     purge(c, part);
     if (is_whole(c, part))
         atomic_store(&part->whole_ns, clock_now_ns());
@@ -417,7 +417,7 @@ enum result cluster_create(const struct cluster_settings *settings, const char *
                            struct error *err) {
     struct cluster *c = alloc(1, sizeof *c);
     const struct ownership_handler of_ownership = {c, on_write, on_changed, new_life};
-    const struct jet_handler of_jet = {c, on_answered, on_saw, on_connected};
+    const struct jet_handler of_jet = {c, on_answered, on_saw, on_jet_connected};
     struct server_value value = {0};
     c->handler = *handler;
     c->names = names;
@@ -446,7 +446,7 @@ enum result cluster_create(const struct cluster_settings *settings, const char *
 }
 
 // Until the journals are given out and the own key is replaced, so that nobody waits for its end.
-static void leave(struct cluster *c) {
+static void leave_cluster(struct cluster *c) {
     int64_t until_ns = clock_now_ns() + LEAVE_NS;
     for (int i = 0; i < c->station_count && atomic_load(&c->connected); i++)
         while (atomic_load(&c->stations[i].posting.in_flight) && clock_now_ns() < until_ns)
@@ -465,7 +465,7 @@ static void leave(struct cluster *c) {
 }
 
 void cluster_leave_all(struct cluster *c) {
-    leave(c);
+    leave_cluster(c);
     atomic_store(&c->ends, true);
     call(c);
     pthread_join(c->lease_thread, NULL);

@@ -200,7 +200,7 @@ static void keep_left(struct jet *jet, struct left *left) {
     pthread_mutex_unlock(&jet->left_lock);
 }
 
-static void leave(struct jet *jet, natsSubscription *sub, kvWatcher *watcher) {
+static void leave_subject(struct jet *jet, natsSubscription *sub, kvWatcher *watcher) {
     struct left *left = alloc(1, sizeof *left);
     left->sub = sub;
     left->watcher = watcher;
@@ -262,7 +262,7 @@ static void clear_left(struct jet *jet) {
 
 // ---- reading ------------------------------------------------------------------------------------
 
-static const char *kind_of(natsMsg *message) {
+static const char *kind_of_message(natsMsg *message) {
     const char *kind = NULL;
     natsMsgHeader_Get(message, "Arthron-Kind", &kind);
     return kind ? kind : "";
@@ -296,7 +296,7 @@ static natsStatus next_message(natsSubscription *sub, const char *subject, int w
         .subject = subject,
         .token = number_of(message, "Arthron-Token"),
         .number = number_of(message, "Arthron-Number"),
-        .kind = kind_of(message),
+        .kind = kind_of_message(message),
         .data = natsMsg_GetData(message),
         .size = (size_t)natsMsg_GetDataLength(message),
     };
@@ -339,7 +339,7 @@ enum result jet_read(struct jet *jet, const char *subject, uint64_t until,
     if (status == NATS_OK)
         status = read_messages(sub, subject, until, take, user);
     if (sub)
-        leave(jet, sub, NULL);
+        leave_subject(jet, sub, NULL);
     return status == NATS_OK ? RESULT_OK : fail_by(err, subject, status);
 }
 
@@ -387,7 +387,7 @@ void jet_follow_end(struct jet_follower **follower) {
         return;
     natsMsg_Destroy((*follower)->message);
     if ((*follower)->sub)
-        leave((*follower)->jet, (*follower)->sub, NULL);
+        leave_subject((*follower)->jet, (*follower)->sub, NULL);
     free(*follower);
     *follower = NULL;
 }
@@ -539,7 +539,7 @@ static void watch_once(struct jet *jet) {
     else if (atomic_load(&jet->is_connected))
         log_warning("cluster", "NATS: streams and keys: %s", natsStatus_GetText(status));
     if (watcher)
-        leave(jet, NULL, watcher);
+        leave_subject(jet, NULL, watcher);
     kvStore_Destroy(bucket);
 }
 
@@ -555,21 +555,21 @@ static void *serve(void *argument) {
 
 // ---- the connection -----------------------------------------------------------------------------
 
-static void tell(struct jet *jet, bool is_connected) {
+static void tell_connected(struct jet *jet, bool is_connected) {
     atomic_store(&jet->anew, true);
     atomic_fetch_add(&jet->generation, 1);
     if (atomic_exchange(&jet->is_connected, is_connected) != is_connected)
         jet->handler.connected(jet->handler.user, is_connected);
 }
 
-static void on_connected(natsConnection *connection, void *user) {
+static void on_nats_connected(natsConnection *connection, void *user) {
     (void)connection;
-    tell(user, true);
+    tell_connected(user, true);
 }
 
 static void on_disconnected(natsConnection *connection, void *user) {
     (void)connection;
-    tell(user, false);
+    tell_connected(user, false);
 }
 
 static void on_closed(natsConnection *connection, void *user) {
@@ -613,8 +613,8 @@ static natsStatus set_options(struct jet *jet) {
         natsOptions_SetMaxPingsOut(o, 2),
         natsOptions_SetTimeout(o, CONNECT_MS),
         natsOptions_SetWriteDeadline(o, SEND_MS),
-        natsOptions_SetRetryOnFailedConnect(o, true, on_connected, jet),
-        natsOptions_SetReconnectedCB(o, on_connected, jet),
+        natsOptions_SetRetryOnFailedConnect(o, true, on_nats_connected, jet),
+        natsOptions_SetReconnectedCB(o, on_nats_connected, jet),
         natsOptions_SetDisconnectedCB(o, on_disconnected, jet),
         natsOptions_SetClosedCB(o, on_closed, jet),
         natsOptions_SetErrorHandler(o, on_fault, jet),
@@ -653,7 +653,7 @@ static enum result connect_to(struct jet *jet, struct error *err) {
     if (made != NATS_OK)
         return fail(err, RESULT_INVALID, "NATS: JetStream: %s", natsStatus_GetText(made));
     if (status == NATS_OK)
-        tell(jet, true);
+        tell_connected(jet, true);
     return RESULT_OK;
 }
 
@@ -774,7 +774,7 @@ enum result jet_look(const struct jet_settings *settings,
             result = fail(err, RESULT_TIMEOUT, "NATS: %s", natsStatus_GetText(status));
     }
     if (watcher)
-        leave(jet, NULL, watcher);
+        leave_subject(jet, NULL, watcher);
     kvStore_Destroy(bucket);
     jet_destroy(&jet);
     return result;

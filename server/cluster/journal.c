@@ -345,7 +345,7 @@ void journal_reader_destroy(struct journal_reader **reader) {
     *reader = NULL;
 }
 
-static enum kind kind_of(const char *word) {
+static enum kind kind_of_word(const char *word) {
     static const char *const words[] = {"owned", "base", "more", "ended"};
     enum kind kind = KIND_OWNED;
     while (kind < KIND_UNKNOWN && strcmp(word, words[kind]) != 0)
@@ -362,7 +362,7 @@ void journal_take(struct journal_reader *r, const struct jet_message *message) {
         r->all = alloc_resize(r->all, r->room, sizeof *r->all);
     }
     r->all[r->count++] = (struct kept_message){
-        message->token, message->number, kind_of(message->kind), r->bytes.size, message->size};
+        message->token, message->number, kind_of_word(message->kind), r->bytes.size, message->size};
     append(&r->bytes, message->data, message->size);
 }
 

@@ -193,7 +193,7 @@ static bool is_free(const struct ownership *o, const struct own_station *s) {
     return server->value.life != s->value.life && server->revision > s->revision;
 }
 
-static void take(struct ownership *o, int station, int64_t now_ns) {
+static void take_station(struct ownership *o, int station, int64_t now_ns) {
     struct own_station *s = &o->stations[station];
     if (!ownership_is_valid(o, now_ns) || o->leaves || is_under_way(&s->pending, now_ns))
         return;
@@ -222,7 +222,7 @@ enum station_owner ownership_want(struct ownership *o, int station, int64_t now_
         owner = OWNER_TAKING;
     set_owner(o, station, owner);
     if (owner == OWNER_TAKING)
-        take(o, station, now_ns);
+        take_station(o, station, now_ns);
     return s->owner;
 }
 
@@ -388,7 +388,7 @@ void ownership_tick(struct ownership *o, int64_t now_ns) {
         if (s->owner == OWNER_TAKING && now_ns - s->wanted_ns >= WANTED_NS)
             set_owner(o, i, OWNER_NONE);
         if (is_to_be_taken(s))
-            take(o, i, now_ns);
+            take_station(o, i, now_ns);
         else if (s->releases && !is_under_way(&s->pending, now_ns))
             write_station(o, i, "", now_ns);
     }

@@ -39,7 +39,7 @@ static void put(json_t *object, const char *name, uint64_t number) {
     json_object_set_new(object, name, json_string(text));
 }
 
-static json_t *text_of(const char *text) {
+static json_t *key_text(const char *text) {
     json_t *value = json_string(text);
     return value ? value : json_string(""); // it is no UTF-8
 }
@@ -48,8 +48,8 @@ void records_key_text(const struct records_key *key, char out[RECORDS_KEY_SIZE])
     json_t *object = json_object(), *servers = json_array(), *copy = json_object();
     for (int i = 0; i < key->server_count; i++)
         json_array_append_new(servers,
-                              json_pack("{s:o, s:o}", "name", text_of(key->servers[i].name), "file",
-                                        text_of(key->servers[i].file)));
+                              json_pack("{s:o, s:o}", "name", key_text(key->servers[i].name),
+                                        "file", key_text(key->servers[i].file)));
     put(copy, "place", key->place);
     put(copy, "token", key->token);
     put(copy, "first", key->first);
@@ -66,7 +66,7 @@ void records_key_text(const struct records_key *key, char out[RECORDS_KEY_SIZE])
     json_decref(object);
 }
 
-static bool take(const json_t *object, const char *name, uint64_t *out) {
+static bool take_number(const json_t *object, const char *name, uint64_t *out) {
     const char *text = json_string_value(json_object_get(object, name));
     char *end = NULL;
     *out = text ? strtoull(text, &end, 16) : 0;
@@ -99,9 +99,10 @@ enum result records_key_read(const char *text, struct records_key *out, struct e
     *out = (struct records_key){0};
     bool good = take_text(json_object_get(object, "order"), out->order, sizeof out->order) &&
                 take_servers(json_object_get(object, "servers"), out) &&
-                take(copy, "place", &out->place) && take(copy, "token", &out->token) &&
-                take(copy, "first", &out->first) && take(copy, "size", &out->size) &&
-                take(copy, "hash", &out->hash);
+                take_number(copy, "place", &out->place) &&
+                take_number(copy, "token", &out->token) &&
+                take_number(copy, "first", &out->first) && take_number(copy, "size", &out->size) &&
+                take_number(copy, "hash", &out->hash);
     json_decref(object);
     return good ? RESULT_OK
                 : fail(err, RESULT_FORMAT, "NATS: the key " RECORDS_KEY " is not one of servers");

@@ -47,7 +47,7 @@ struct shared_records {
     bool failing;
 };
 
-static void tell(struct shared_records *r, enum result result, const struct error *err) {
+static void tell_result(struct shared_records *r, enum result result, const struct error *err) {
     bool failing = result != RESULT_OK;
     if (failing && !r->failing)
         log_warning("cluster", "the records are not shared for now: %s", err->text);
@@ -372,7 +372,7 @@ static enum result join_first(struct shared_records *r, const atomic_bool *ends,
     if (result != RESULT_OK || was)
         return result;
     while ((result = join(r, &key, err)) == RESULT_TIMEOUT || result == RESULT_REFUSED) {
-        tell(r, result, err);
+        tell_result(r, result, err);
         if (atomic_load(ends))
             return fail(err, RESULT_CLOSED, "the server ends while it waits for the records");
         pause_for(AGAIN_NS);
@@ -530,7 +530,7 @@ static bool has_waiting(struct shared_records *r) {
     return has;
 }
 
-static enum result publish(struct shared_records *r, struct error *err) {
+static enum result publish_changes(struct shared_records *r, struct error *err) {
     bool some = true;
     enum result result = RESULT_OK;
     while (result == RESULT_OK && some)
@@ -539,7 +539,7 @@ static enum result publish(struct shared_records *r, struct error *err) {
 }
 
 // What is in the order comes first: it tells whether this file may add to it.
-static enum result turn(struct shared_records *r, struct error *err) {
+static enum result turn_records(struct shared_records *r, struct error *err) {
     enum result result = RESULT_OK;
     if (r->follower &&
         (clock_now_ns() - r->heard_ns > SILENT_NS || r->generation != jet_generation(r->jet)))
@@ -549,7 +549,7 @@ static enum result turn(struct shared_records *r, struct error *err) {
     if (result == RESULT_OK)
         result = take_changes(r, err);
     if (result == RESULT_OK)
-        result = publish(r, err);
+        result = publish_changes(r, err);
     if (result == RESULT_OK && wants_copy(r) && !has_waiting(r))
         renew_copy(r);
     return result;
@@ -559,15 +559,15 @@ static void *run(void *argument) {
     struct shared_records *r = argument;
     while (!atomic_load(&r->ends)) {
         struct error err;
-        enum result result = turn(r, &err);
-        tell(r, result, &err);
+        enum result result = turn_records(r, &err);
+        tell_result(r, result, &err);
         if (result == RESULT_OK)
             continue;
         jet_follow_end(&r->follower);
         pause_for(AGAIN_NS);
     }
     if (r->follower)
-        publish(r, NULL);
+        publish_changes(r, NULL);
     jet_follow_end(&r->follower);
     return NULL;
 }

@@ -36,11 +36,11 @@ static const char restore_help[] =
     "  -p, --passphrase FILE  of an encrypted backup: a file with its passphrase; - reads stdin\n"
     "      --help             show this\n";
 
-struct request {
+struct backup_request {
     const char *file, *out, *passphrase;
 };
 
-static int report(const char *command, enum result result, const struct error *err) {
+static int report_copy(const char *command, enum result result, const struct error *err) {
     if (result == RESULT_OK)
         return 0;
     fprintf(stderr, "arthron-server %s: %s\n", command, err->text);
@@ -76,7 +76,8 @@ static void end_draft(const char *draft, int lock) {
     close(lock);
 }
 
-static enum result back_up_sealed(struct store *store, const struct request *r, struct error *err) {
+static enum result back_up_sealed(struct store *store, const struct backup_request *r,
+                                  struct error *err) {
     char draft[PATH_MAX], passphrase[PASSPHRASE_MAX];
     int lock;
     enum result result = passphrase_read(r->passphrase, passphrase, err);
@@ -92,7 +93,7 @@ static enum result back_up_sealed(struct store *store, const struct request *r, 
     return result;
 }
 
-static enum result put_back_sealed(const char *backup, const struct request *r,
+static enum result put_back_sealed(const char *backup, const struct backup_request *r,
                                    char out_aside[STORE_TEXT_MAX], struct error *err) {
     char draft[PATH_MAX], passphrase[PASSPHRASE_MAX];
     int lock;
@@ -110,7 +111,8 @@ static enum result put_back_sealed(const char *backup, const struct request *r,
 }
 
 // Somebody could put a file of their own in the place of an encrypted one.
-static enum result check_kind(const char *backup, const struct request *r, struct error *err) {
+static enum result check_kind(const char *backup, const struct backup_request *r,
+                              struct error *err) {
     bool sealed = sealed_file_is(backup);
     if (sealed && !r->passphrase)
         return fail(err, RESULT_INVALID,
@@ -126,7 +128,7 @@ static enum result check_kind(const char *backup, const struct request *r, struc
 
 // ---- commands -----------------------------------------------------------------------------------
 
-static int back_up(const struct request *r) {
+static int back_up(const struct backup_request *r) {
     struct store *store;
     struct error err;
     enum result result = store_open(r->file, STORE_THERE, records_actor(), &store, &err);
@@ -135,10 +137,10 @@ static int back_up(const struct request *r) {
     store_close(&store);
     if (result == RESULT_OK)
         fprintf(stderr, "arthron-server backup: wrote %s\n", r->out);
-    return report("backup", result, &err);
+    return report_copy("backup", result, &err);
 }
 
-static int put_back(const char *backup, const struct request *r) {
+static int put_back(const char *backup, const struct backup_request *r) {
     char aside[STORE_TEXT_MAX] = "";
     struct error err;
     enum result result = check_kind(backup, r, &err);
@@ -149,7 +151,7 @@ static int put_back(const char *backup, const struct request *r) {
         printf("the replaced file is kept: %s\n", aside);
     if (result == RESULT_OK)
         fprintf(stderr, "arthron-server restore: wrote %s\n", r->file);
-    return report("restore", result, &err);
+    return report_copy("restore", result, &err);
 }
 
 int command_backup(int argc, char **argv) {
@@ -159,7 +161,7 @@ int command_backup(int argc, char **argv) {
                                             {"help", no_argument, NULL, 'h'},
                                             {0}};
     static const char program[] = "arthron-server backup";
-    struct request r = {0};
+    struct backup_request r = {0};
     for (int o; (o = getopt_long(argc, argv, "f:o:p:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(backup_help, stdout);
@@ -181,7 +183,7 @@ int command_restore(int argc, char **argv) {
                                             {"help", no_argument, NULL, 'h'},
                                             {0}};
     static const char program[] = "arthron-server restore";
-    struct request r = {0};
+    struct backup_request r = {0};
     for (int o; (o = getopt_long(argc, argv, "f:p:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(restore_help, stdout);

@@ -195,7 +195,7 @@ static enum result write_report(void *sessions, const struct api_report *about, 
 }
 
 // The case is read twice there.
-static enum result rehearse(void *sessions, int task, int knee_case, uint8_t **out_batch,
+static enum result rehearse_task(void *sessions, int task, int knee_case, uint8_t **out_batch,
                             size_t *out_size, struct error *err) {
     const struct sessions_config *config = sessions_config(sessions);
     const char *name = library_tasks(sessions_tasks(sessions))[task].name;
@@ -286,7 +286,7 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
         .user = sessions,
         .attempt_released = served->attempt_written,
         .attempt_user = served->attempt_user,
-        .rehearse = rehearse,
+        .rehearse = rehearse_task,
         .check_case = served->check_case,
         .port = served->port,
         .tasks = library_tasks(sessions_tasks(sessions)),

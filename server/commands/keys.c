@@ -7,7 +7,7 @@
 #include <string.h>
 #include <time.h>
 
-static const char help[] =
+static const char keys_help[] =
     "Usage: arthron-server keys init DIR [HOST ...] [OPTION ...]\n"
     "       arthron-server keys renew DIR [HOST ...] [OPTION ...]\n"
     "       arthron-server keys encrypt DIR --new-passphrase FILE [OPTION ...]\n"
@@ -33,7 +33,7 @@ static const char help[] =
     "      --new-passphrase FILE  the same, from now on\n"
     "      --help                 show this\n";
 
-static int report(enum result result, const struct error *err) {
+static int report_keys(enum result result, const struct error *err) {
     if (result == RESULT_OK)
         return 0;
     fprintf(stderr, "arthron-server keys: %s\n", err->text);
@@ -51,7 +51,7 @@ static int init(const char *dir, struct hosts hosts) {
     struct error err;
     if (!hosts.count)
         hosts = (struct hosts){local, 2};
-    return report(authority_init(dir, hosts.names, hosts.count, &err), &err);
+    return report_keys(authority_init(dir, hosts.names, hosts.count, &err), &err);
 }
 
 static int renew(const char *dir, struct hosts hosts) {
@@ -60,7 +60,7 @@ static int renew(const char *dir, struct hosts hosts) {
     char end[32];
     enum result result = authority_renew_server(dir, hosts.names, hosts.count, &server, &err);
     if (result != RESULT_OK)
-        return report(result, &err);
+        return report_keys(result, &err);
     time_t until = (time_t)server.until_utc_s;
     strftime(end, sizeof end, "%Y-%m-%d", gmtime(&until));
     printf("good until %s, for", end);
@@ -70,7 +70,7 @@ static int renew(const char *dir, struct hosts hosts) {
     return 0;
 }
 
-static int enrol(const char *dir, const char *station) {
+static int enrol_station(const char *dir, const char *station) {
     char code[AUTHORITY_CODE_MAX];
     struct error err;
     enum result result = authority_issue_code(dir, station, code, &err);
@@ -78,17 +78,17 @@ static int enrol(const char *dir, const char *station) {
         puts(code);
         known_stations_warn(dir, station);
     }
-    return report(result, &err);
+    return report_keys(result, &err);
 }
 
-static int revoke(const char *dir, const char *station) {
+static int revoke_station(const char *dir, const char *station) {
     struct error err;
-    return report(authority_revoke(dir, station, &err), &err);
+    return report_keys(authority_revoke(dir, station, &err), &err);
 }
 
-static int encrypt(const char *dir, const char *passphrase) {
+static int encrypt_keys(const char *dir, const char *passphrase) {
     struct error err;
-    return report(authority_change_passphrase(dir, passphrase, &err), &err);
+    return report_keys(authority_change_passphrase(dir, passphrase, &err), &err);
 }
 
 // What is given beside the words.
@@ -112,7 +112,7 @@ static int take_options(int argc, char **argv, struct key_options *out) {
         else if (o == 'n')
             out->new_passphrase = optarg;
         else {
-            fputs(help, o == 'h' ? stdout : stderr);
+            fputs(keys_help, o == 'h' ? stdout : stderr);
             return o == 'h' ? 0 : 2;
         }
     }
@@ -129,17 +129,17 @@ int command_keys(int argc, char **argv) {
     int count = argc - optind;
     struct hosts hosts = {(const char *const *)(rest + 2), count - 2};
     if (options.new_passphrase && count == 2 && !strcmp(rest[0], "encrypt"))
-        return encrypt(rest[1], options.new_passphrase);
+        return encrypt_keys(rest[1], options.new_passphrase);
     if (!options.new_passphrase && count == 2 && !strcmp(rest[0], "decrypt"))
-        return encrypt(rest[1], NULL);
+        return encrypt_keys(rest[1], NULL);
     if (!options.new_passphrase && count >= 2 && !strcmp(rest[0], "init"))
         return init(rest[1], hosts);
     if (!options.new_passphrase && count >= 2 && !strcmp(rest[0], "renew"))
         return renew(rest[1], hosts);
     if (count == 3 && !strcmp(rest[0], "enrol"))
-        return enrol(rest[1], rest[2]);
+        return enrol_station(rest[1], rest[2]);
     if (count == 3 && !strcmp(rest[0], "revoke"))
-        return revoke(rest[1], rest[2]);
-    fputs(help, stderr);
+        return revoke_station(rest[1], rest[2]);
+    fputs(keys_help, stderr);
     return 2;
 }

@@ -9,12 +9,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CPU_S 120
+#define READER_CPU_S 120
 
-static struct confine_limits limits = {.memory_mb = 1024, .cpu_s = CPU_S};
+static struct confine_limits reader_limits = {.memory_mb = 1024, .cpu_s = READER_CPU_S};
 
 void read_case_limit(int memory_mb) {
-    limits.memory_mb = memory_mb;
+    reader_limits.memory_mb = memory_mb;
 }
 
 static enum result read_all(const char *dir, uint64_t *out_hash, struct error *err) {
@@ -41,8 +41,8 @@ int command_read_case(int argc, char **argv) {
         fputs("arthron-server read-case: the server alone uses this command\n", stderr);
         return 2;
     }
-    limits.memory_mb = (int)memory_mb;
-    confine_self(&limits);
+    reader_limits.memory_mb = (int)memory_mb;
+    confine_self(&reader_limits);
     enum result result = read_all(argv[1], &hash, &err);
     return confine_answer(result, &err, &hash, sizeof hash);
 }
@@ -55,9 +55,9 @@ enum result read_case_check(const char *dir, uint64_t *out_hash, struct error *e
     char memory_mb[16];
     uint8_t *answer;
     size_t size;
-    snprintf(memory_mb, sizeof memory_mb, "%d", limits.memory_mb);
+    snprintf(memory_mb, sizeof memory_mb, "%d", reader_limits.memory_mb);
     const char *const arguments[] = {"arthron-server", "read-case", dir, memory_mb, NULL};
-    enum result result = confine_run(arguments, &limits, sizeof err->text, &answer, &size, err);
+    enum result result = confine_run(arguments, &reader_limits, sizeof err->text, &answer, &size, err);
     if (result == RESULT_LIMIT && strncmp(err->text, dir, strlen(dir)) != 0)
         return fail_in(err, result, "%s: ", dir);
     if (result != RESULT_OK)

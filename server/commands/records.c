@@ -16,7 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
-static const char help[] =
+static const char records_help[] =
     "Usage: arthron-server records --file FILE list WHAT [--json]\n"
     "       arthron-server records --file FILE show trainee|course|station|account NAME [--json]\n"
     "       arthron-server records --file FILE show session ID [--json]\n"
@@ -70,7 +70,7 @@ static const char help[] =
     "      --json           print JSON, with hashes and times in ns\n"
     "      --help           show this\n";
 
-static const char program[] = "arthron-server records";
+static const char records_command[] = "arthron-server records";
 
 struct records_request {
     const char *file, *full_name, *role, *trainee, *password, *csv, *xapi, *site, *keys, *entry;
@@ -87,7 +87,7 @@ const char *records_actor(void) {
     return user ? user->pw_name : "unknown";
 }
 
-static int report(enum result result, const struct error *err) {
+static int report_records(enum result result, const struct error *err) {
     if (result == RESULT_OK)
         return DONE;
     fprintf(stderr, "arthron-server records: %s\n", err->text);
@@ -99,7 +99,7 @@ __attribute__((format(printf, 3, 4))) static int done(enum result result, const 
                                                       const char *format, ...) {
     va_list args;
     if (result != RESULT_OK)
-        return report(result, err);
+        return report_records(result, err);
     fputs("arthron-server records: ", stderr);
     va_start(args, format);
     vfprintf(stderr, format, args);
@@ -122,7 +122,7 @@ static int list(struct store *store, const struct records_request *r) {
         const char *names[LIST_COUNT + 1] = {NULL};
         for (int i = 0; i < LIST_COUNT; i++)
             names[i] = store_list_name((enum store_list)i);
-        return argument_unknown(program, "list", r->words[1], names);
+        return argument_unknown(records_command, "list", r->words[1], names);
     }
     json_t *rows = json_array();
     enum result result = store_rows(store, which, NULL, rows_take, rows, &err);
@@ -131,7 +131,7 @@ static int list(struct store *store, const struct records_request *r) {
     else if (result == RESULT_OK)
         rows_print(rows);
     json_decref(rows);
-    return report(result, &err);
+    return report_records(result, &err);
 }
 
 // What belongs to a row of a list, for show.
@@ -175,7 +175,7 @@ static int show(struct store *store, const struct records_request *r) {
     snprintf(plural, sizeof plural, "%ss", r->words[1]);
     if (!store_list_from_name(plural, &which) || which == LIST_RESULTS ||
         which == LIST_ENROLMENTS || which == LIST_TOKENS)
-        return argument_unknown(program, "show", r->words[1], kinds);
+        return argument_unknown(records_command, "show", r->words[1], kinds);
     json_t *rows = json_array(), *shown = json_object();
     json_object_set(shown, r->words[1], rows);
     enum result result = store_rows(store, which, r->words[2], rows_take, rows, &err);
@@ -190,7 +190,7 @@ static int show(struct store *store, const struct records_request *r) {
         print_shown(shown);
     json_decref(rows);
     json_decref(shown);
-    return report(result, &err);
+    return report_records(result, &err);
 }
 
 // ---- add, enrol ---------------------------------------------------------------------------------
@@ -201,12 +201,12 @@ static int add_account(struct store *store, const struct records_request *r) {
     struct error err;
     enum result result = RESULT_OK;
     if (!r->role)
-        return argument_wrong(program, "a new account needs --role");
+        return argument_wrong(records_command, "a new account needs --role");
     if (!store_role_from_name(r->role, &role)) {
         const char *names[ROLE_COUNT + 1] = {NULL};
         for (int i = 0; i < ROLE_COUNT; i++)
             names[i] = store_role_name((enum store_role)i);
-        return argument_unknown(program, "--role", r->role, names);
+        return argument_unknown(records_command, "--role", r->role, names);
     }
     bool given = r->password || isatty(STDIN_FILENO);
     if (given)
@@ -230,7 +230,7 @@ static int set_password(struct store *store, const struct records_request *r) {
 static int remove_one(struct store *store, const struct records_request *r) {
     struct error err;
     if (strcmp(r->words[1], "account") != 0)
-        return argument_wrong(program, "only an account can be removed");
+        return argument_wrong(records_command, "only an account can be removed");
     return done(store_remove_account(store, r->words[2], &err), &err, "removed account %s",
                 r->words[2]);
 }
@@ -246,7 +246,7 @@ static int add(struct store *store, const struct records_request *r) {
     if (!strcmp(r->words[1], "account"))
         return add_account(store, r);
     static const char *const kinds[] = {"trainee", "course", "account", NULL};
-    return argument_unknown(program, "add", r->words[1], kinds);
+    return argument_unknown(records_command, "add", r->words[1], kinds);
 }
 
 static int enrol(struct store *store, const struct records_request *r) {
@@ -308,7 +308,7 @@ static enum result export_study(struct store *store, const struct records_reques
 static int export(struct store *store, const struct records_request *r) {
     struct error err;
     if (!r->csv && !r->xapi && !r->zip)
-        return argument_wrong(program, "export needs --csv DIR, --xapi FILE or --zip FILE");
+        return argument_wrong(records_command, "export needs --csv DIR, --xapi FILE or --zip FILE");
     enum result result = store_note(store, "export", "records", &err); // before it is done
     if (result == RESULT_OK && r->csv)
         result = rows_export_csv(store, r->csv, &err);
@@ -351,7 +351,7 @@ static int erase(struct store *store, const struct records_request *r) {
     if (result == RESULT_OK)
         print_erased(pseudonym, traces, r->json);
     json_decref(traces);
-    return report(result, &err);
+    return report_records(result, &err);
 }
 
 static int verify(struct store *store, const struct records_request *r) {
@@ -363,7 +363,7 @@ static int verify(struct store *store, const struct records_request *r) {
     else if (result == RESULT_OK)
         records_verify_print(said);
     json_decref(said);
-    return report(result, &err);
+    return report_records(result, &err);
 }
 
 // ---- arguments ----------------------------------------------------------------------------------
@@ -387,13 +387,13 @@ static const struct verb {
 
 enum { VERB_COUNT = sizeof verbs / sizeof *verbs };
 
-static int run(const struct verb *verb, const struct records_request *r) {
+static int run_verb(const struct verb *verb, const struct records_request *r) {
     struct store *store;
     struct error err;
     if (r->count != verb->words)
-        return argument_wrong(program, "usage: %s", verb->usage);
+        return argument_wrong(records_command, "usage: %s", verb->usage);
     if (store_open(r->file, verb->mode, records_actor(), &store, &err) != RESULT_OK)
-        return report(RESULT_IO, &err);
+        return report_records(RESULT_IO, &err);
     int code = verb->run(store, r);
     store_close(&store);
     return code;
@@ -402,20 +402,20 @@ static int run(const struct verb *verb, const struct records_request *r) {
 static int find_and_run(const struct records_request *r) {
     const char *names[VERB_COUNT + 1] = {NULL};
     if (!r->file)
-        return argument_wrong(program,
+        return argument_wrong(records_command,
                               "--file FILE is missing: the records, as in the server's config");
     if (!r->count)
-        return argument_wrong(program, "the command is missing: list, show, add, ...");
+        return argument_wrong(records_command, "the command is missing: list, show, add, ...");
     for (size_t i = 0; i < VERB_COUNT; i++) {
         names[i] = verbs[i].name;
         if (!strcmp(r->words[0], verbs[i].name))
-            return run(&verbs[i], r);
+            return run_verb(&verbs[i], r);
     }
-    return argument_unknown(program, "command", r->words[0], names);
+    return argument_unknown(records_command, "command", r->words[0], names);
 }
 
 // False where an argument is unknown; getopt has named it.
-static bool take_option(int option, struct records_request *r) {
+static bool take_records_option(int option, struct records_request *r) {
     const char **const texts[] = {
         ['f'] = &r->file,     ['n'] = &r->full_name, ['r'] = &r->role,   ['t'] = &r->trainee,
         ['p'] = &r->password, ['c'] = &r->csv,       ['x'] = &r->xapi,   ['s'] = &r->site,
@@ -456,11 +456,11 @@ int command_records(int argc, char **argv) {
     struct records_request request = {0};
     for (int o; (o = getopt_long(argc, argv, "f:", options, NULL)) != -1;) {
         if (o == 'h') {
-            fputs(help, stdout);
+            fputs(records_help, stdout);
             return 0;
         }
-        if (!take_option(o, &request))
-            return argument_help(program);
+        if (!take_records_option(o, &request))
+            return argument_help(records_command);
     }
     request.words = argv + optind;
     request.count = argc - optind;

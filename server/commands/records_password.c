@@ -25,7 +25,7 @@ static enum result read_line(FILE *file, const char *path, char line[LINE_MAX_LE
     return RESULT_OK;
 }
 
-static enum result ask(const char *what, char line[LINE_MAX_LENGTH], struct error *err) {
+static enum result ask_password(const char *what, char line[LINE_MAX_LENGTH], struct error *err) {
     struct termios before, quiet;
     if (tcgetattr(STDIN_FILENO, &before))
         return fail(err, RESULT_IO, "the terminal: %s", strerror(errno));
@@ -41,9 +41,9 @@ static enum result ask(const char *what, char line[LINE_MAX_LENGTH], struct erro
 
 static enum result ask_twice(char line[LINE_MAX_LENGTH], struct error *err) {
     char again[LINE_MAX_LENGTH];
-    enum result result = ask("password: ", line, err);
+    enum result result = ask_password("password: ", line, err);
     if (result == RESULT_OK)
-        result = ask("once more: ", again, err);
+        result = ask_password("once more: ", again, err);
     if (result == RESULT_OK && strcmp(line, again) != 0)
         result = fail(err, RESULT_REFUSED, "the two differ");
     OPENSSL_cleanse(again, sizeof again);

@@ -17,7 +17,7 @@ struct exams {
     struct error *err;
 };
 
-static const char *text_of(const struct store_cell *cells, int count, const char *column) {
+static const char *text_of_column(const struct store_cell *cells, int count, const char *column) {
     for (int i = 0; i < count; i++)
         if (!strcmp(cells[i].column, column) && cells[i].kind == STORE_TEXT)
             return cells[i].text;
@@ -38,15 +38,18 @@ static void check_exam(void *user, const struct store_cell *cells, int count) {
     struct exams *exams = user;
     struct store_audit_seal seal = {.head.entry = cells[0].integer};
     char signed_by[TRACE_SIGNED_BY_MAX];
-    const char *result = text_of(cells, count, "result");
+    const char *result = text_of_column(cells, count, "result");
     if (exams->result != RESULT_OK || !result[0])
         return;
     for (int i = 0; i < count; i++)
         if (!strcmp(cells[i].column, "released_utc_ns"))
             seal.utc_ns = cells[i].integer;
-    snprintf(seal.head.hash, sizeof seal.head.hash, "%s", text_of(cells, count, "result_hash"));
-    snprintf(seal.certificate, sizeof seal.certificate, "%s", text_of(cells, count, "certificate"));
-    snprintf(seal.signature, sizeof seal.signature, "%s", text_of(cells, count, "signature"));
+    snprintf(seal.head.hash, sizeof seal.head.hash, "%s",
+             text_of_column(cells, count, "result_hash"));
+    snprintf(seal.certificate, sizeof seal.certificate, "%s",
+             text_of_column(cells, count, "certificate"));
+    snprintf(seal.signature, sizeof seal.signature, "%s",
+             text_of_column(cells, count, "signature"));
     if (!has_hash(result, seal.head.hash))
         exams->result = fail(exams->err, RESULT_CORRUPT, "the result of exam %lld was changed",
                              (long long)seal.head.entry);

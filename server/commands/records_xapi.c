@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-static const char *text_of(const json_t *row, const char *column) {
+static const char *text_in_row(const json_t *row, const char *column) {
     return json_string_value(json_object_get(row, column));
 }
 
@@ -18,11 +18,11 @@ static int64_t number_of(const json_t *row, const char *column) {
 
 static json_t *object(const json_t *session, const char *site) {
     char iri[XAPI_IRI_MAX];
-    xapi_iri(site, "cases", text_of(session, "case"), iri);
+    xapi_iri(site, "cases", text_in_row(session, "case"), iri);
     size_t used = strlen(iri);
-    snprintf(iri + used, sizeof iri - used, "/%s", text_of(session, "case_hash"));
+    snprintf(iri + used, sizeof iri - used, "/%s", text_in_row(session, "case_hash"));
     return json_pack("{s:s, s:s, s:{s:{s:s}, s:s}}", "objectType", "Activity", "id", iri,
-                     "definition", "name", "en", text_of(session, "case"), "type",
+                     "definition", "name", "en", text_in_row(session, "case"), "type",
                      XAPI_ACTIVITY_TYPE "simulation");
 }
 
@@ -35,19 +35,20 @@ static json_t *outcome(const json_t *session, const json_t *results, const char 
     char duration[32];
     int64_t lasted_ns = number_of(session, "end_utc_ns") - number_of(session, "start_utc_ns");
     xapi_duration((double)lasted_ns / (double)NS_PER_S, duration);
-    bool closed = !strcmp(text_of(session, "state"), "closed");
-    return json_pack("{s:b, s:s, s:o}", "completion", closed, "duration", duration, "extensions",
-                     xapi_extension(site, "results", results_of(results, text_of(session, "id"))));
+    bool closed = !strcmp(text_in_row(session, "state"), "closed");
+    return json_pack(
+        "{s:b, s:s, s:o}", "completion", closed, "duration", duration, "extensions",
+        xapi_extension(site, "results", results_of(results, text_in_row(session, "id"))));
 }
 
 static json_t *context(const json_t *session, const char *site, const char *uuid) {
-    const char *trace = strrchr(text_of(session, "trace"), '/');
+    const char *trace = strrchr(text_in_row(session, "trace"), '/');
     json_t *evidence = json_pack(
         "{s:s, s:s?, s:s?, s:s, s:s, s:O, s:O}", "file",
-        trace ? trace + 1 : text_of(session, "trace"), "hash", text_of(session, "trace_hash"),
-        "xxh3", text_of(session, "trace_xxh3"), "session", text_of(session, "id"), "station",
-        text_of(session, "station"), "steps", json_object_get(session, "steps"), "missing",
-        json_object_get(session, "missing"));
+        trace ? trace + 1 : text_in_row(session, "trace"), "hash",
+        text_in_row(session, "trace_hash"), "xxh3", text_in_row(session, "trace_xxh3"), "session",
+        text_in_row(session, "id"), "station", text_in_row(session, "station"), "steps",
+        json_object_get(session, "steps"), "missing", json_object_get(session, "missing"));
     return json_pack("{s:s, s:s, s:o}", "registration", uuid, "platform",
                      "arthron-server " ARTHRON_VERSION, "extensions",
                      xapi_extension(site, "trace", evidence));
@@ -55,11 +56,11 @@ static json_t *context(const json_t *session, const char *site, const char *uuid
 
 static json_t *statement(const json_t *session, const json_t *results, const char *site) {
     char uuid[37], when[32];
-    bool closed = !strcmp(text_of(session, "state"), "closed");
-    xapi_session_uuid(text_of(session, "id"), uuid);
+    bool closed = !strcmp(text_in_row(session, "state"), "closed");
+    xapi_session_uuid(text_in_row(session, "id"), uuid);
     clock_utc_text(number_of(session, "end_utc_ns"), when);
     return json_pack("{s:s, s:o, s:o, s:o, s:o, s:o, s:s, s:s}", "id", uuid, "actor",
-                     xapi_actor(site, text_of(session, "trainee")), "verb",
+                     xapi_actor(site, text_in_row(session, "trainee")), "verb",
                      xapi_verb(closed ? "completed" : "attempted"), "object", object(session, site),
                      "result", outcome(session, results, site), "context",
                      context(session, site, uuid), "timestamp", when, "version", XAPI_VERSION);
@@ -72,7 +73,7 @@ static json_t *by_session(json_t *rows) {
     json_t *grouped = json_object(), *row;
     size_t i;
     json_array_foreach(rows, i, row) {
-        const char *id = text_of(row, "session");
+        const char *id = text_in_row(row, "session");
         json_t *details = json_object_get(row, "details");
         json_t *parsed =
             json_is_string(details) ? json_loads(json_string_value(details), 0, NULL) : NULL;
@@ -86,7 +87,8 @@ static json_t *by_session(json_t *rows) {
 }
 
 static bool has_statement(const json_t *session) {
-    return text_of(session, "trainee") && json_is_integer(json_object_get(session, "end_utc_ns"));
+    return text_in_row(session, "trainee") &&
+           json_is_integer(json_object_get(session, "end_utc_ns"));
 }
 
 static json_t *all_statements(json_t *sessions, json_t *results, const char *site, int *out_left) {

@@ -16,7 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CPU_S 60
+#define REHEARSAL_CPU_S 60
 #define MOMENTS_HZ 25
 #define BATCH_MAX (size_t)(8 << 20)
 
@@ -134,7 +134,7 @@ static enum result compute(char **argv, struct recording *out, struct error *err
 }
 
 int command_rehearse(int argc, char **argv) {
-    struct confine_limits limits = {.cpu_s = CPU_S};
+    struct confine_limits limits = {.cpu_s = REHEARSAL_CPU_S};
     struct recording recording = {0};
     struct error err = {""};
     int64_t memory_mb;
@@ -161,7 +161,7 @@ void rehearse_break_off(void) {
 enum result rehearse_apart(const struct rehearse_request *request, uint8_t **out_batch,
                            size_t *out_size, struct error *err) {
     const struct confine_limits limits = {
-        .memory_mb = request->memory_mb, .cpu_s = CPU_S, .cancelled = &broken_off};
+        .memory_mb = request->memory_mb, .cpu_s = REHEARSAL_CPU_S, .cancelled = &broken_off};
     char memory_mb[16];
     snprintf(memory_mb, sizeof memory_mb, "%d", request->memory_mb);
     const char *const arguments[] = {"arthron-server",   "rehearse", request->task, request->dir,

@@ -28,7 +28,7 @@
 #define OVERRIDES_MAX 32
 #define MEMORY_KEPT_BACK ((size_t)64 << 20) // more than all that may be under way at once takes
 
-static const char help[] =
+static const char run_help[] =
     "Usage: arthron-server run --config FILE [--set SECTION.KEY=VALUE ...]\n"
     "\n"
     "Serves until SIGTERM or SIGINT, then ends every session and closes its trace.\n"
@@ -45,13 +45,13 @@ static const char help[] =
     "  -v, --verbose                log more\n"
     "      --help                   show this\n";
 
-static const char program[] = "arthron-server run";
+static const char run_command[] = "arthron-server run";
 
 #define START_PATIENCE_S 3
 
 static atomic_int ended; // the signal that ends the server, or 0
-static atomic_bool ends, is_ready;
-static sem_t end;
+static atomic_bool is_ending, is_ready;
+static sem_t end_wanted;
 
 // A start may take minutes, for it runs open sessions again, and ends soon after `ended` is set. A
 // start that hangs on a file is broken off as by SIGKILL.
@@ -62,8 +62,8 @@ static void *wait_for_end(void *argument) {
     log_info("server", "%s: ending%s", strsignal(signal_number),
              ready ? "" : " before the server is ready");
     atomic_store(&ended, signal_number);
-    atomic_store(&ends, true);
-    sem_post(&end);
+    atomic_store(&is_ending, true);
+    sem_post(&end_wanted);
     sleep(START_PATIENCE_S);
     if (!ready && !atomic_load(&is_ready))
         _exit(0);
@@ -73,7 +73,7 @@ static void *wait_for_end(void *argument) {
 static void catch_ends(void) {
     static sigset_t set;
     pthread_t waiting;
-    sem_init(&end, 0, 0);
+    sem_init(&end_wanted, 0, 0);
     sigemptyset(&set);
     sigaddset(&set, SIGTERM);
     sigaddset(&set, SIGINT);
@@ -91,7 +91,7 @@ static int serve_until_end(const struct server_config *config) {
     struct error err;
     enum result result = pinned_cases_settle(&config->sessions, &err);
     if (result == RESULT_OK)
-        result = sessions_create(&config->sessions, &ends, &sessions, &err);
+        result = sessions_create(&config->sessions, &is_ending, &sessions, &err);
     if (result == RESULT_OK && config->web.port) {
         result = browsers_create(config, sessions, &browsers, &err);
         if (result != RESULT_OK) // the next start goes on with those that were resumed
@@ -107,7 +107,7 @@ static int serve_until_end(const struct server_config *config) {
     atomic_store(&is_ready, true);
     service_notify("READY=1");
     log_info("server", "ready on port %d", config->sessions.port);
-    while (sem_wait(&end) && errno == EINTR)
+    while (sem_wait(&end_wanted) && errno == EINTR)
         ;
     service_notify("STOPPING=1");
     sessions_break_off(sessions);
@@ -155,7 +155,7 @@ static int serve_with_statements(struct server_config *config) {
     return status;
 }
 
-struct request {
+struct run_request {
     const char *path;
     struct setting_override overrides[OVERRIDES_MAX];
     int override_count;
@@ -179,7 +179,7 @@ static enum result look_at_key(const struct sessions_config *config, struct erro
     return result;
 }
 
-static int serve(const struct request *request) {
+static int serve(const struct run_request *request) {
     static struct server_config config;
     struct error err;
     if (config_load(request->path, request->overrides, request->override_count, &config, &err) !=
@@ -206,7 +206,7 @@ static int serve(const struct request *request) {
     return serve_with_statements(&config);
 }
 
-static int take_option(int option, struct request *out) {
+static int take_run_option(int option, struct run_request *out) {
     static const char *const fields[] = {"gaussian", "inverse-distance", "smooth", NULL};
     static const char *const logs[] = {"json", NULL};
     switch (option) {
@@ -218,21 +218,22 @@ static int take_option(int option, struct request *out) {
         return 0;
     case 'l':
         if (strcmp(optarg, logs[0]) != 0)
-            return argument_unknown(program, "--log", optarg, logs);
+            return argument_unknown(run_command, "--log", optarg, logs);
         log_as_json();
         return 0;
     case 'b':
         if (!field_from_name(optarg, &out->field) || out->field == FIELD_INTEGRAL)
-            return argument_unknown(program, "--bench-field", optarg, fields);
+            return argument_unknown(run_command, "--bench-field", optarg, fields);
         return 0;
     case 's':
         if (out->override_count == OVERRIDES_MAX)
-            return argument_wrong(program, "--set can be given %d times at most", OVERRIDES_MAX);
+            return argument_wrong(run_command, "--set can be given %d times at most",
+                                  OVERRIDES_MAX);
         if (!setting_split(optarg, &out->overrides[out->override_count++]))
-            return argument_wrong(program, "--set %s is not SECTION.KEY=VALUE", optarg);
+            return argument_wrong(run_command, "--set %s is not SECTION.KEY=VALUE", optarg);
         return 0;
     default:
-        return argument_help(program);
+        return argument_help(run_command);
     }
 }
 
@@ -246,20 +247,20 @@ int command_run(int argc, char **argv) {
         {"help", no_argument, NULL, 'h'},
         {0},
     };
-    struct request request = {.field = FIELD_INTEGRAL};
+    struct run_request request = {.field = FIELD_INTEGRAL};
     log_to_journal();
     for (int o; (o = getopt_long(argc, argv, "c:s:v", options, NULL)) != -1;) {
         if (o == 'h') {
-            fputs(help, stdout);
+            fputs(run_help, stdout);
             return 0;
         }
-        int wrong = take_option(o, &request);
+        int wrong = take_run_option(o, &request);
         if (wrong)
             return wrong;
     }
     if (!request.path)
-        return argument_wrong(program, "--config FILE is missing");
+        return argument_wrong(run_command, "--config FILE is missing");
     if (optind != argc)
-        return argument_wrong(program, "unexpected argument %s", argv[optind]);
+        return argument_wrong(run_command, "unexpected argument %s", argv[optind]);
     return serve(&request);
 }

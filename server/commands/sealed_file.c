@@ -126,7 +126,7 @@ static void begin_piece(struct sealed *s, bool last, bool encrypts) {
 }
 
 // From piece into result, with the tag behind it.
-static void encrypt(struct sealed *s, size_t size, bool last) {
+static void encrypt_block(struct sealed *s, size_t size, bool last) {
     int used, more;
     begin_piece(s, last, true);
     int done = EVP_EncryptUpdate(s->context, s->result, &used, s->piece, (int)size) &&
@@ -168,7 +168,7 @@ static enum result seal(struct sealed *s, const char *passphrase, struct error *
             result = look_for_end(s, &last, err);
         if (result != RESULT_OK)
             return result;
-        encrypt(s, size, last);
+        encrypt_block(s, size, last);
         result = write_all(s, s->result, size + TAG, err);
     }
     return result;

@@ -19,7 +19,7 @@
 #define DAY_S 86400
 #define CERTIFICATE_WARNING_S (30 * DAY_S)
 
-static const char help[] =
+static const char session_help[] =
     "Usage: arthron-server session --socket PATH list [--json]\n"
     "       arthron-server session --socket PATH show STATION [--json]\n"
     "       arthron-server session --socket PATH start|undo STATION [--json]\n"
@@ -60,7 +60,7 @@ static const char help[] =
     "      --json         print JSON\n"
     "      --help         show this\n";
 
-static const char program[] = "arthron-server session";
+static const char session_command[] = "arthron-server session";
 
 static const struct command_kind {
     const char *name, *usage;
@@ -200,8 +200,8 @@ static void add_sessions(struct session_answer *answer) {
 }
 
 // A list comes in parts.
-static enum result ask(const char *socket, const arthron_Command *command,
-                       struct session_answer *out, struct error *err) {
+static enum result ask_server(const char *socket, const arthron_Command *command,
+                              struct session_answer *out, struct error *err) {
     arthron_Command part = *command;
     enum result result;
     do {
@@ -218,7 +218,7 @@ static enum result ask(const char *socket, const arthron_Command *command,
 static int call(const char *socket, const arthron_Command *command, bool json) {
     static struct session_answer answer;
     struct error err;
-    if (ask(socket, command, &answer, &err) != RESULT_OK) {
+    if (ask_server(socket, command, &answer, &err) != RESULT_OK) {
         fprintf(stderr, "arthron-server session: %s\n", err.text);
         return 1;
     }
@@ -256,7 +256,7 @@ static int refuse_kind(const char *word) {
     const char *names[KIND_COUNT + 1] = {NULL};
     for (int i = 0; i < KIND_COUNT; i++)
         names[i] = kinds[i].name;
-    return argument_unknown(program, "command", word, names);
+    return argument_unknown(session_command, "command", word, names);
 }
 
 static bool fits(const struct command_kind *kind, int count, const arthron_Command *command,
@@ -304,30 +304,31 @@ static bool take_at(const char *text, arthron_Command *out) {
 // 0, or the exit code of what is wrong.
 static int take_value(int option, arthron_Command *out) {
     if (option == 'a' && !take_at(optarg, out))
-        return argument_wrong(program, "--at %s: must be seconds above 0", optarg);
+        return argument_wrong(session_command, "--at %s: must be seconds above 0", optarg);
     if (option == 'W' && !take_strength(optarg, out))
-        return argument_wrong(program, "--strength %s: must be a number from 0 to 1", optarg);
+        return argument_wrong(session_command, "--strength %s: must be a number from 0 to 1",
+                              optarg);
     if (option == 'r' && !put_text(out->reason, sizeof out->reason, optarg))
-        return argument_wrong(program, "--reason: must be shorter than %zu bytes",
+        return argument_wrong(session_command, "--reason: must be shorter than %zu bytes",
                               sizeof out->reason);
     return 0;
 }
 
-static int run(const char *socket, const char *from, char **words, int count,
-               arthron_Command *command, bool json) {
+static int run_session_command(const char *socket, const char *from, char **words, int count,
+                               arthron_Command *command, bool json) {
     if (!socket)
-        return argument_wrong(program,
+        return argument_wrong(session_command,
                               "--socket PATH is missing: the server's socket, as in its config");
     if (!count)
-        return argument_wrong(program, "the command is missing: list, show, start, ...");
+        return argument_wrong(session_command, "the command is missing: list, show, start, ...");
     const struct command_kind *kind = find_kind(words[0]);
     if (!kind)
         return refuse_kind(words[0]);
     if (!fits(kind, count, command, from))
-        return argument_wrong(program, "usage: %s", kind->usage);
+        return argument_wrong(session_command, "usage: %s", kind->usage);
     command->kind = kind->kind;
     if (!fill_command(words, count, command))
-        return argument_wrong(program, "%s: a name or text is too long", kind->name);
+        return argument_wrong(session_command, "%s: a name or text is too long", kind->name);
     return !from || take_from(from, command) ? call(socket, command, json) : 1;
 }
 
@@ -345,11 +346,11 @@ int command_session(int argc, char **argv) {
     int code = 0;
     for (int o; !code && (o = getopt_long(argc, argv, "S:", options, NULL)) != -1;) {
         if (o == 'h') {
-            fputs(help, stdout);
+            fputs(session_help, stdout);
             return 0;
         }
         if (o == '?')
-            return argument_help(program);
+            return argument_help(session_command);
         socket = o == 'S' ? optarg : socket;
         from = o == 'f' ? optarg : from;
         json |= o == 'j';
@@ -359,5 +360,6 @@ int command_session(int argc, char **argv) {
             command.hand = arthron_AttemptState_Hand_LEFT_HAND;
         code = take_value(o, &command);
     }
-    return code ? code : run(socket, from, argv + optind, argc - optind, &command, json);
+    return code ? code
+                : run_session_command(socket, from, argv + optind, argc - optind, &command, json);
 }

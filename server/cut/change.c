@@ -50,7 +50,7 @@ static uint32_t *keep(struct ids *ids, uint32_t *out_count) {
     return ids->at;
 }
 
-static void list_triangles(struct cut_mesh *mesh, struct cut_change *change) {
+static void list_changed_triangles(struct cut_mesh *mesh, struct cut_change *change) {
     struct ids freed = {0}, made = {0};
     for (uint32_t i = 0; i < mesh->scratch->undo.triangle_count; i++) {
         const struct triangle_before *before = &mesh->scratch->undo.triangles[i];
@@ -75,6 +75,6 @@ static void list_vertices(struct cut_mesh *mesh, struct cut_change *change) {
 }
 
 void change_list_ids(struct cut_mesh *mesh, struct cut_change *change) {
-    list_triangles(mesh, change);
+    list_changed_triangles(mesh, change);
     list_vertices(mesh, change);
 }

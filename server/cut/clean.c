@@ -168,7 +168,7 @@ static int choose_neighbour(const struct cut_mesh *mesh, uint32_t vertex, const 
     return best;
 }
 
-static bool merge(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
+static bool merge_vertex(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
     if (vertex < mesh->original_count)
         return false;
     int k = choose_neighbour(mesh, vertex, fan);
@@ -252,6 +252,6 @@ void clean(struct cut_mesh *mesh) {
         if (!cut_mesh_vertex_alive(mesh, vertex) || !gather_fan(mesh, vertex, &fan))
             continue;
         if (!flip(mesh, vertex, &fan))
-            merge(mesh, vertex, &fan);
+            merge_vertex(mesh, vertex, &fan);
     }
 }

@@ -52,7 +52,7 @@ static uint32_t body_of(struct flood *flood, uint32_t triangle) {
     return body;
 }
 
-static void merge(struct flood *flood, uint32_t body, uint32_t other) {
+static void merge_bodies(struct flood *flood, uint32_t body, uint32_t other) {
     struct flood_body *b = &flood->bodies[body], *o = &flood->bodies[other];
     append_all(flood, &b->done, o->done);
     append_all(flood, &b->waiting, o->waiting);
@@ -89,7 +89,7 @@ static uint32_t advance(const struct cut_mesh *mesh, struct flood *flood, uint32
         if (!stamped_set_has(&flood->owner, beside)) {
             claim(flood, body, beside);
         } else if (body_of(flood, beside) != body) {
-            merge(flood, body, body_of(flood, beside));
+            merge_bodies(flood, body, body_of(flood, beside));
             merged++;
         }
     }

@@ -2,8 +2,8 @@
 
 #include "cut/ray.h"
 
-static double six_volumes_of(const struct cut_mesh *mesh, const struct ids *triangles,
-                             uint32_t first) {
+static double six_volumes_of_part(const struct cut_mesh *mesh, const struct ids *triangles,
+                                  uint32_t first) {
     vec3 apex = mesh->points[mesh->corners[3 * (size_t)triangles->at[first]]], points[3];
     double sum = 0;
     for (uint32_t i = first; i < triangles->count; i++) {
@@ -54,7 +54,7 @@ void hollow_find(const struct cut_mesh *mesh, struct stamped_set *seen, struct c
             !cut_mesh_triangle_alive(mesh, t))
             continue;
         append_part(mesh, seen, &out->triangles, t);
-        if (out->triangles.count > first && six_volumes_of(mesh, &out->triangles, first) < 0)
+        if (out->triangles.count > first && six_volumes_of_part(mesh, &out->triangles, first) < 0)
             ids_push(&out->ends, out->triangles.count);
         else
             out->triangles.count = first;

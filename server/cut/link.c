@@ -63,20 +63,21 @@ static bool match_sides(struct stage *stage, uint32_t border) {
 
 #define SLACK_MM3 1e-3 // by which a blade may have grown
 
-static double six_volumes_of(const struct cut_mesh *mesh, const uint32_t corners[3], vec3 apex) {
+static double six_volumes_under(const struct cut_mesh *mesh, const uint32_t corners[3], vec3 apex) {
     vec3 points[3];
     triangle_points(mesh, corners, points);
     return six_volumes(points, apex);
 }
 
-static bool measure(const struct cut_mesh *mesh, struct stage *stage) {
+static bool measure_link(const struct cut_mesh *mesh, struct stage *stage) {
     vec3 apex = stage->blade.vertices[0];
     double sum = 0;
     for (uint32_t k = 0; k < stage->triangle_count; k++)
         if (stage->triangles[k].goes)
-            sum += six_volumes_of(mesh, mesh->corners + 3 * (size_t)stage->triangles[k].id, apex);
+            sum +=
+                six_volumes_under(mesh, mesh->corners + 3 * (size_t)stage->triangles[k].id, apex);
     for (uint32_t k = 0; k < stage->made_count; k++)
-        sum -= six_volumes_of(mesh, stage->made[k].corners, apex);
+        sum -= six_volumes_under(mesh, stage->made[k].corners, apex);
     stage->removed_mm3 = sum / 6;
     return stage->removed_mm3 >= -SLACK_MM3 && stage->removed_mm3 <= stage->blade.volume + SLACK_MM3
                ? true
@@ -130,7 +131,7 @@ bool link_triangles(struct cut_mesh *mesh, struct stage *stage) {
             going++;
         }
     return enter_all(mesh, stage, going, &border) && match_sides(stage, border) &&
-           measure(mesh, stage);
+           measure_link(mesh, stage);
 }
 
 void link_commit(struct cut_mesh *mesh, struct stage *stage) {

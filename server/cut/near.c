@@ -56,7 +56,7 @@ static void keep_near(const struct cut_mesh *mesh, struct stage *stage, const st
     triangles->count = kept;
 }
 
-static void add_triangle(const struct cut_mesh *mesh, struct stage *stage, uint32_t id) {
+static void add_near_triangle(const struct cut_mesh *mesh, struct stage *stage, uint32_t id) {
     struct near_triangle near = {.id = id};
     for (int i = 0; i < 3; i++)
         near.corners[i] = near_vertex(mesh, stage, mesh->corners[3 * (size_t)id + (size_t)i]);
@@ -95,5 +95,5 @@ void near_gather(struct cut_mesh *mesh, struct stage *stage) {
     keep_near(mesh, stage, &box);
     ids_sort(&stage->candidates); // the grid's order depends on cuts that were refused
     for (uint32_t i = 0; i < stage->candidates.count; i++)
-        add_triangle(mesh, stage, stage->candidates.at[i]);
+        add_near_triangle(mesh, stage, stage->candidates.at[i]);
 }

@@ -9,8 +9,8 @@ static bool is_new_surface(const struct cut_mesh *mesh, uint32_t triangle) {
            cut_mesh_triangle_alive(mesh, triangle) && mesh->labels[triangle] == mesh->number;
 }
 
-static struct cut_patch measure(const struct cut_mesh *mesh, const uint32_t *triangles,
-                                uint32_t count) {
+static struct cut_patch measure_patch(const struct cut_mesh *mesh, const uint32_t *triangles,
+                                      uint32_t count) {
     struct cut_patch patch = {0};
     vec3 origin = mesh->points[mesh->corners[3 * (size_t)triangles[0]]], moment = {0}, p[3];
     for (uint32_t i = 0; i < count; i++) {
@@ -45,6 +45,6 @@ void change_measure_patches(struct cut_mesh *mesh, struct cut_change *change) {
         change->patches =
             alloc_resize(change->patches, (size_t)change->patch_count + 1, sizeof *change->patches);
         change->patches[change->patch_count++] =
-            measure(mesh, list->at + first, list->count - first);
+            measure_patch(mesh, list->at + first, list->count - first);
     }
 }

@@ -10,8 +10,8 @@
 // ---- bodies ----
 
 // With the cavities that are in it.
-static void list_triangles(const struct cut_mesh *mesh, const struct flood *flood, uint32_t body,
-                           struct ids *out) {
+static void list_body_triangles(const struct cut_mesh *mesh, const struct flood *flood,
+                                uint32_t body, struct ids *out) {
     out->count = 0;
     for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
         ids_push(out, flood->entries[e].triangle);
@@ -58,7 +58,7 @@ static struct shares share_out(const struct cut_mesh *mesh, struct flood *flood,
             shares.growing = b;
             continue;
         }
-        list_triangles(mesh, flood, b, &triangles);
+        list_body_triangles(mesh, flood, b, &triangles);
         volumes[b] = moments_of(mesh, &triangles).six_volumes / 6;
         if (volumes[b] > 0)
             shares.rest -= volumes[b];
@@ -115,7 +115,7 @@ static struct mesh mesh_of(const struct cut_mesh *mesh, struct flood *flood,
 static struct cut_piece take_out(struct cut_mesh *mesh, struct flood *flood, uint32_t body) {
     struct ids triangles = {0}, vertices = {0};
     struct cut_piece piece = {0};
-    list_triangles(mesh, flood, body, &triangles);
+    list_body_triangles(mesh, flood, body, &triangles);
     struct volume_moments moments = moments_of(mesh, &triangles);
     piece.volume = moments.six_volumes / 6;
     piece.centroid = vec3_add_scaled(moments.apex, 1 / (4 * moments.six_volumes), moments.sum);

@@ -43,7 +43,7 @@ static void draw_side(struct side_table *drawn, uint32_t a, uint32_t b) {
     sides_enter(drawn, (struct side_entry){.from = a < b ? a : b, .to = a < b ? b : a});
 }
 
-static void draw(struct polygon_filler *f, uint32_t a, uint32_t b) {
+static void draw_edge(struct polygon_filler *f, uint32_t a, uint32_t b) {
     draw_side(f->drawn, a, b);
 }
 
@@ -130,7 +130,7 @@ static bool join_hole(struct polygon_filler *f, uint32_t outer, uint32_t hole) {
     link_nodes(f, h_before, h_again);
     link_nodes(f, h_again, o_again);
     link_nodes(f, o_again, o_after);
-    draw(f, f->nodes[o].vertex, f->nodes[h].vertex);
+    draw_edge(f, f->nodes[o].vertex, f->nodes[h].vertex);
     return true;
 }
 
@@ -214,7 +214,7 @@ static bool cut_ears(struct polygon_filler *f, uint32_t start, uint32_t count) {
             f->nodes[ear].quality = -1;
             continue;
         }
-        draw(f, f->nodes[before].vertex, f->nodes[after].vertex);
+        draw_edge(f, f->nodes[before].vertex, f->nodes[after].vertex);
         add_triangle(f, &f->nodes[before], &f->nodes[ear], &f->nodes[after]);
         link_nodes(f, before, after);
         start = after;

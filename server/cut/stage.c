@@ -18,7 +18,7 @@
 #define SPREAD 0.05         // of the growth, both ways
 
 // Splitmix64, as a number from -1 to 1.
-static double draw(uint64_t *state) {
+static double draw_number(uint64_t *state) {
     uint64_t z = (*state += UINT64_C(0x9e3779b97f4a7c15));
     z = (z ^ (z >> 30)) * UINT64_C(0xbf58476d1ce4e5b9);
     z = (z ^ (z >> 27)) * UINT64_C(0x94d049bb133111eb);
@@ -54,10 +54,10 @@ static void set_box(struct convex *blade) {
 static void place(struct convex *blade, uint64_t seed, int attempt) {
     double size = GROWTH_MM + attempt * GROWTH_MORE_MM;
     vec3 centre = centre_of(blade), lean;
-    lean.x = SPREAD * size * draw(&seed);
-    lean.y = SPREAD * size * draw(&seed);
-    lean.z = SPREAD * size * draw(&seed);
-    double growth = size * (1 + SPREAD * draw(&seed)) / least_depth(blade, centre);
+    lean.x = SPREAD * size * draw_number(&seed);
+    lean.y = SPREAD * size * draw_number(&seed);
+    lean.z = SPREAD * size * draw_number(&seed);
+    double growth = size * (1 + SPREAD * draw_number(&seed)) / least_depth(blade, centre);
     growth = growth < GROWTH_MOST ? growth : GROWTH_MOST;
     for (int f = 0; f < blade->plane_count; f++) {
         struct plane *plane = &blade->planes[f];

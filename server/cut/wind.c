@@ -39,7 +39,7 @@ static int sign_along(const struct stage *stage, const struct winding *winding, 
 
 // Relative to the blade's first vertex. Around each face the signs cancel, as every arc starts and
 // ends on the face's border, so the way does not matter.
-static void spread(const struct stage *stage, struct winding *winding) {
+static void spread_winding(const struct stage *stage, struct winding *winding) {
     const struct convex *blade = &stage->blade;
     bool known[CONVEX_VERTICES_MAX] = {true};
     winding->at[0] = 0;
@@ -143,7 +143,7 @@ bool wind_blade(struct cut_mesh *mesh, struct stage *stage) {
     struct winding winding;
     uint32_t corners[CONVEX_VERTICES_MAX];
     sort_piercings(stage, &winding);
-    spread(stage, &winding);
+    spread_winding(stage, &winding);
     if (!set_constant(mesh, stage, &winding))
         return false;
     for (int v = 0; v < stage->blade.vertex_count; v++)

@@ -121,7 +121,7 @@ static void tell_progress(const struct walk *walk) {
                                 (uint64_t)walk->passes * size);
 }
 
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_contents_step(void *user, const struct trace_record *record) {
     struct walking *w = user;
     double seconds = seconds_of(trace_reader_header(w->walk->reader), &record->output);
     bool reads_on = w->walk->marker != NULL;
@@ -133,7 +133,7 @@ static bool on_step(void *user, const struct trace_record *record) {
     return w->step(w->user, record, seconds) && (w->left || reads_on);
 }
 
-static bool on_remark(void *user, const struct remark *remark) {
+static bool on_contents_remark(void *user, const struct remark *remark) {
     const struct walking *w = user;
     if (w->begun && w->walk->remark)
         w->walk->remark(w->user, remark);
@@ -141,7 +141,7 @@ static bool on_remark(void *user, const struct remark *remark) {
 }
 
 // One that came late is behind the steps of its time, and may be behind all that are exported.
-static bool on_marker(void *user, const struct marker *marker) {
+static bool on_contents_marker(void *user, const struct marker *marker) {
     const struct walking *w = user;
     int64_t start_ns = trace_reader_header(w->walk->reader)->start_ns;
     double seconds = (double)(marker->time_ns - start_ns) / (double)NS_PER_S;
@@ -168,9 +168,9 @@ enum result walk_run(struct walk *walk, const struct contents *contents, walk_st
                      struct error *err) {
     struct walking walking = {walk, contents->steps, step, user, false};
     struct trace_player player = {.user = &walking,
-                                  .step = on_step,
-                                  .remark = on_remark,
-                                  .marker = on_marker,
+                                  .step = on_contents_step,
+                                  .remark = on_contents_remark,
+                                  .marker = on_contents_marker,
                                   .begun = on_begun,
                                   .ended = on_ended};
     enum result result = open_trace(walk->request, &walk->reader, err);

@@ -30,8 +30,8 @@ struct table {
 
 // ---- which columns ------------------------------------------------------------------------------
 
-static void add(struct table *table, enum column_source source, const struct step_field *field,
-                const char *name, bool usual) {
+static void add_column(struct table *table, enum column_source source,
+                       const struct step_field *field, const char *name, bool usual) {
     CHECK(table->all_count < COLUMNS_MAX);
     struct csv_column *column = &table->all[table->all_count++];
     *column = (struct csv_column){.source = source, .usual = usual};
@@ -48,18 +48,18 @@ static void add_group(struct table *table, const struct step_field *field) {
         snprintf(name, sizeof name, "%.*s_group", (int)stem, field->name);
     else
         snprintf(name, sizeof name, "%s_group", field->name);
-    add(table, OF_GROUP, field, name, true);
+    add_column(table, OF_GROUP, field, name, true);
 }
 
 static void list_columns(struct table *table, const struct contents *contents) {
     struct step_field fields[STEP_FIELDS_MAX];
-    add(table, OF_TIME, NULL, "t_seconds", true);
+    add_column(table, OF_TIME, NULL, "t_seconds", true);
     int count = input_fields(contents->sampled, fields);
     for (int i = 0; i < count; i++)
-        add(table, OF_INPUT, &fields[i], fields[i].name, input_field_is_time(&fields[i]));
+        add_column(table, OF_INPUT, &fields[i], fields[i].name, input_field_is_time(&fields[i]));
     count = contents_fields(contents, fields);
     for (int i = 0; i < count; i++) {
-        add(table, OF_OUTPUT, &fields[i], fields[i].name, true);
+        add_column(table, OF_OUTPUT, &fields[i], fields[i].name, true);
         if (fields[i].type == &field_tissue || fields[i].type == &field_nearest)
             add_group(table, &fields[i]);
     }

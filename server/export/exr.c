@@ -113,7 +113,7 @@ static void end_row(struct filling *f) {
     f->y++;
 }
 
-static bool on_step(void *user, const struct trace_record *record, double seconds) {
+static bool on_image_step(void *user, const struct trace_record *record, double seconds) {
     struct filling *f = user;
     if (!has_pixel(f->sheet, &record->output))
         return true;
@@ -129,7 +129,7 @@ static enum result write_sheet(const struct sheet *sheet, struct walk *walk,
     struct filling f = {.sheet = sheet, .writer = writer};
     f.values = alloc((size_t)sheet->channel_count * sheet->width, sizeof *f.values);
     clear_row(sheet, f.values);
-    enum result result = walk_run(walk, contents, on_step, &f, err);
+    enum result result = walk_run(walk, contents, on_image_step, &f, err);
     while (result == RESULT_OK && f.y < sheet->height)
         end_row(&f);
     free(f.values);

@@ -66,8 +66,8 @@ static void add_instrument(struct animation *animation, int i, int seen, int moc
     animation->nodes[TRACK_HAND + i] = model_node(animation->model, in_hand, mockup, made);
 }
 
-static void add_loose(struct animation *animation, const struct case_loose *loose, int i,
-                      int seen) {
+static void animate_loose(struct animation *animation, const struct case_loose *loose, int i,
+                          int seen) {
     struct mesh shape;
     float rgba[4];
     look_loose(loose->radii_mm, &shape, rgba);
@@ -129,7 +129,7 @@ static void build(struct animation *animation) {
         if (animation->contents.present[i])
             add_instrument(animation, i, seen, mockup);
     for (int i = 0; i < knee->loose_count; i++)
-        add_loose(animation, &knee->loose[i], i, seen);
+        animate_loose(animation, &knee->loose[i], i, seen);
 }
 
 // ---- tissue that is cut -------------------------------------------------------------------------
@@ -152,35 +152,35 @@ static void add_state(struct animation *animation, int tissue, const struct mesh
     animation->newest[tissue] = animation->state_count++;
 }
 
-static void take_mesh(const struct operation *operation, int tissue, struct mesh *out_mesh) {
+static void animate_mesh(const struct operation *operation, int tissue, struct mesh *out_mesh) {
     mesh_fini(out_mesh);
     cut_mesh_flatten(operation_mesh(operation, tissue), out_mesh, NULL, NULL);
 }
 
-static void take_start(void *context, const struct operation *operation) {
+static void animate_start(void *context, const struct operation *operation) {
     struct animation *animation = context;
     for (int i = 0; i < scene_tissue_count(animation->walk.request->scene); i++)
-        take_mesh(operation, i, &animation->before[i]);
+        animate_mesh(operation, i, &animation->before[i]);
 }
 
-static void take_landing(void *context, struct landing *landing,
-                         const struct operation *operation) {
+static void animate_landing(void *context, struct landing *landing,
+                            const struct operation *operation) {
     struct animation *animation = context;
     int tissue = landing->result->tissue;
     double seconds = landing->seconds - animation->tracks.first_s;
     if (!landing->wanted || seconds <= 0)
-        return take_mesh(operation, tissue, &animation->before[tissue]);
+        return animate_mesh(operation, tissue, &animation->before[tissue]);
     if (animation->newest[tissue] < 0)
         add_state(animation, tissue, &animation->before[tissue], 0);
     struct mesh mesh = {0};
-    take_mesh(operation, tissue, &mesh);
+    animate_mesh(operation, tissue, &mesh);
     animation->states[animation->newest[tissue]].off_s = seconds;
     add_state(animation, tissue, &mesh, seconds);
     mesh_fini(&mesh);
 }
 
-static enum result add_tissues(struct animation *animation, struct error *err) {
-    struct landing_watcher watcher = {animation, take_start, take_landing};
+static enum result animate_tissues(struct animation *animation, struct error *err) {
+    struct landing_watcher watcher = {animation, animate_start, animate_landing};
     int count = scene_tissue_count(animation->walk.request->scene);
     for (int i = 0; i < count; i++)
         animation->newest[i] = -1;
@@ -252,7 +252,7 @@ static void animate(struct animation *animation) {
         show_state(animation, &animation->states[i]);
 }
 
-static void describe(struct animation *animation) {
+static void describe_animation(struct animation *animation) {
     const struct trace_header *h = &animation->contents.header;
     char text[2 * TRACE_HASH_SIZE + 1];
     bytes_text(h->session_id, sizeof h->session_id, text);
@@ -274,10 +274,10 @@ static enum result make(struct animation *animation, const char *path, struct er
     if (result != RESULT_OK)
         return result;
     build(animation);
-    result = add_tissues(animation, err);
+    result = animate_tissues(animation, err);
     if (result == RESULT_OK) {
         animate(animation);
-        describe(animation);
+        describe_animation(animation);
         result = model_encode(animation->model, &bytes, &size, err);
     }
     if (result == RESULT_OK)

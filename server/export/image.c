@@ -209,7 +209,7 @@ void image_writer_row(struct image_writer *writer, const uint32_t *values) {
         end_part(writer);
 }
 
-static void release(struct image_writer **handle) {
+static void release_image(struct image_writer **handle) {
     struct image_writer *writer = *handle;
     for (int i = 0; i < writer->part_count; i++)
         free(writer->parts[i].channels);
@@ -228,7 +228,7 @@ void image_writer_abandon(struct image_writer **handle) {
         exr_finish(&writer->file);
     if (writer->draft.file)
         draft_drop(&writer->draft);
-    release(handle);
+    release_image(handle);
 }
 
 enum result image_writer_finish(struct image_writer **handle, struct error *err) {
@@ -243,6 +243,6 @@ enum result image_writer_finish(struct image_writer **handle, struct error *err)
         draft_drop(&writer->draft);
     if (result != RESULT_OK)
         fail(err, result, "%s", writer->why.text);
-    release(handle);
+    release_image(handle);
     return result;
 }

@@ -34,8 +34,8 @@ struct input_fields {
     const char *prefix;
 };
 
-static void add(struct input_fields *list, const char *name, const struct field_type *type,
-                size_t offset) {
+static void add_field(struct input_fields *list, const char *name, const struct field_type *type,
+                      size_t offset) {
     CHECK(list->count < INPUT_FIELDS_MAX);
     struct step_field *field = &list->fields[list->count++];
     *field = (struct step_field){.owner = list->owner, .offset = offset, .type = type};
@@ -47,18 +47,18 @@ static void add_values(struct input_fields *list, enum sample_kind kind, size_t 
                                          "shift_mm",    "drawer_mm", "distraction_mm"};
     static const char *const parts[] = {"qw", "qx", "qy", "qz", "tx_mm", "ty_mm", "tz_mm"};
     if (kind == SAMPLE_HANDLE) {
-        add(list, "opening", &field_real, base + offsetof(struct sample, handle.opening));
-        add(list, "buttons", &field_bits, base + offsetof(struct sample, handle.buttons));
+        add_field(list, "opening", &field_real, base + offsetof(struct sample, handle.opening));
+        add_field(list, "buttons", &field_bits, base + offsetof(struct sample, handle.buttons));
     } else if (kind == SAMPLE_FORCE) {
-        add(list, "n", &field_real, base + offsetof(struct sample, force_n));
+        add_field(list, "n", &field_real, base + offsetof(struct sample, force_n));
     } else if (kind == SAMPLE_JOINT) {
         for (size_t i = 0; i < sizeof angles / sizeof *angles; i++)
-            add(list, angles[i], &field_real,
-                base + offsetof(struct sample, joint) + i * sizeof(double));
+            add_field(list, angles[i], &field_real,
+                      base + offsetof(struct sample, joint) + i * sizeof(double));
     } else {
         for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
-            add(list, parts[i], &field_real,
-                base + offsetof(struct sample, T_mockup_body) + i * sizeof(double));
+            add_field(list, parts[i], &field_real,
+                      base + offsetof(struct sample, T_mockup_body) + i * sizeof(double));
     }
 }
 
@@ -70,9 +70,10 @@ static void add_sample(struct input_fields *list, enum channel channel, enum sam
     snprintf(prefix, sizeof prefix, "measured_%s_%s", channel_name(channel), kinds[kind]);
     list->owner = (int)place;
     list->prefix = prefix;
-    add(list, "time_ns", &field_time, base + offsetof(struct sample, time_ns));
-    add(list, "validity", &field_validity, base + offsetof(struct sample, validity));
-    add(list, "device", &field_nearest, offsetof(struct input_row, device) + place * sizeof(int));
+    add_field(list, "time_ns", &field_time, base + offsetof(struct sample, time_ns));
+    add_field(list, "validity", &field_validity, base + offsetof(struct sample, validity));
+    add_field(list, "device", &field_nearest,
+              offsetof(struct input_row, device) + place * sizeof(int));
     add_values(list, kind, base);
     list->prefix = "";
 }
@@ -80,12 +81,12 @@ static void add_sample(struct input_fields *list, enum channel channel, enum sam
 int input_fields(const bool sampled[CHANNEL_COUNT][SAMPLE_KIND_COUNT],
                  struct step_field out_fields[INPUT_FIELDS_MAX]) {
     struct input_fields list = {out_fields, 0, OF_ALL, ""};
-    add(&list, "input", &field_input, offsetof(struct input_row, kind));
+    add_field(&list, "input", &field_input, offsetof(struct input_row, kind));
     list.owner = OF_JOBS;
-    add(&list, "input_job", &field_count, offsetof(struct input_row, job));
-    add(&list, "input_job_done", &field_flag, offsetof(struct input_row, job_done));
+    add_field(&list, "input_job", &field_count, offsetof(struct input_row, job));
+    add_field(&list, "input_job_done", &field_flag, offsetof(struct input_row, job_done));
     list.owner = OF_FRAMES;
-    add(&list, "frame_time_ns", &field_time, offsetof(struct input_row, time_ns));
+    add_field(&list, "frame_time_ns", &field_time, offsetof(struct input_row, time_ns));
     for (int c = 0; c < CHANNEL_COUNT; c++)
         for (int k = 0; k < SAMPLE_KIND_COUNT; k++)
             if (sampled[c][k])

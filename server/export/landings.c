@@ -61,7 +61,7 @@ static bool can_run(const struct scene *scene, const struct job *job) {
     return true;
 }
 
-static bool on_step(void *user, const struct trace_record *record, double seconds) {
+static bool on_landing_step(void *user, const struct trace_record *record, double seconds) {
     struct landing_run *g = user;
     const struct job *job = &record->output.job;
     if (job->id && !can_run(g->scene, job)) {
@@ -132,7 +132,7 @@ enum result landings_run(struct walk *walk, const struct landing_watcher *watche
     enum result result = run_past(&g, &request, err);
     if (result == RESULT_OK) {
         watcher->start(watcher->context, g.operation);
-        result = walk_run(walk, &all, on_step, &g, err);
+        result = walk_run(walk, &all, on_landing_step, &g, err);
     }
     operation_destroy(&g.operation);
     job_result_destroy(&g.pending);

@@ -21,7 +21,7 @@ static const struct case_group *group_of(const struct maps *maps, int tissue) {
 
 // ---- which there are ----------------------------------------------------------------------------
 
-static void take_start(void *context, const struct operation *operation) {
+static void map_start(void *context, const struct operation *operation) {
     struct maps *maps = context;
     for (int i = 0; i < scene_tissue_count(maps->scene); i++) {
         uint32_t count = group_of(maps, i)->mesh.vertex_count;
@@ -43,7 +43,7 @@ static void keep(void *context, struct landing *landing, const struct operation 
 
 enum result maps_create(struct walk *walk, struct maps **out_maps, struct error *err) {
     struct maps *maps = alloc(1, sizeof *maps);
-    struct landing_watcher watcher = {.context = maps, .start = take_start, .landed = keep};
+    struct landing_watcher watcher = {.context = maps, .start = map_start, .landed = keep};
     maps->scene = walk->request->scene;
     enum result result = landings_run(walk, &watcher, err);
     if (result != RESULT_OK)

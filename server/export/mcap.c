@@ -287,7 +287,7 @@ static void write_end(struct mcap *m) {
     write_out(m, magic, sizeof magic);
 }
 
-static void release(struct mcap **mcap) {
+static void release_mcap(struct mcap **mcap) {
     struct mcap *m = *mcap;
     for (int i = 0; i < m->channel_count; i++)
         mcap_bytes_fini(&m->indexes[i].places);
@@ -305,11 +305,11 @@ enum result mcap_finish(struct mcap **mcap, struct error *err) {
     end_chunk(*mcap);
     write_end(*mcap);
     enum result result = draft_keep(&(*mcap)->draft, err);
-    release(mcap);
+    release_mcap(mcap);
     return result;
 }
 
 void mcap_abandon(struct mcap **mcap) {
     draft_drop(&(*mcap)->draft);
-    release(mcap);
+    release_mcap(mcap);
 }

@@ -20,14 +20,14 @@ void mcap_put(struct mcap_bytes *bytes, const void *data, size_t size) {
     bytes->size += size;
 }
 
-static void encode(uint8_t *out, uint64_t value, int size) {
+static void encode_number(uint8_t *out, uint64_t value, int size) {
     for (int i = 0; i < size; i++)
         out[i] = (uint8_t)(value >> 8 * i);
 }
 
 void mcap_put_number(struct mcap_bytes *bytes, uint64_t value, int size) {
     uint8_t encoded[8];
-    encode(encoded, value, size);
+    encode_number(encoded, value, size);
     mcap_put(bytes, encoded, (size_t)size);
 }
 
@@ -42,7 +42,7 @@ size_t mcap_begin_sized(struct mcap_bytes *bytes, int size) {
 }
 
 void mcap_end_sized(struct mcap_bytes *bytes, size_t begun, int size) {
-    encode(bytes->data + begun - (size_t)size, bytes->size - begun, size);
+    encode_number(bytes->data + begun - (size_t)size, bytes->size - begun, size);
 }
 
 size_t mcap_begin_record(struct mcap_bytes *bytes, uint8_t opcode) {

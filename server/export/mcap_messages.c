@@ -15,7 +15,7 @@ void message_fini(struct message *message) {
     *message = (struct message){0};
 }
 
-static void encode(struct message *message, const pb_msgdesc_t *fields, const void *value) {
+static void encode_message(struct message *message, const pb_msgdesc_t *fields, const void *value) {
     size_t size = 0;
     CHECK(pb_get_encoded_size(&size, fields, value));
     if (size > message->room) {
@@ -51,7 +51,7 @@ void message_transform(struct message *message, uint64_t time_ns, const char *pa
                                  metres(p.translation),
                                  true,
                                  {p.rotation.x, p.rotation.y, p.rotation.z, p.rotation.w}};
-    encode(message, foxglove_FrameTransform_fields, &m);
+    encode_message(message, foxglove_FrameTransform_fields, &m);
 }
 
 void message_joint(struct message *message, uint64_t time_ns, const struct session_output *output) {
@@ -65,7 +65,7 @@ void message_joint(struct message *message, uint64_t time_ns, const struct sessi
                                M_PER_MM * joint->shift_mm,
                                M_PER_MM * joint->drawer_mm,
                                M_PER_MM * joint->distraction_mm};
-    encode(message, arthron_session_Joint_fields, &m);
+    encode_message(message, arthron_session_Joint_fields, &m);
 }
 
 void message_instrument(struct message *message, uint64_t time_ns, const uint64_t *measured_ns,
@@ -85,7 +85,7 @@ void message_instrument(struct message *message, uint64_t time_ns, const uint64_
                                     o->discrepancy.gain_least,
                                     o->handle.opening,
                                     o->handle.buttons};
-    encode(message, arthron_session_Instrument_fields, &m);
+    encode_message(message, arthron_session_Instrument_fields, &m);
 }
 
 void message_force(struct message *message, uint64_t time_ns, uint64_t measured_ns,
@@ -98,7 +98,7 @@ void message_force(struct message *message, uint64_t time_ns, uint64_t measured_
                                text_of(validity_name(force->validity)),
                                is_known,
                                is_known ? force->force_n : 0};
-    encode(message, arthron_session_Force_fields, &m);
+    encode_message(message, arthron_session_Force_fields, &m);
 }
 
 void message_loose(struct message *message, uint64_t time_ns, const char *name,
@@ -106,7 +106,7 @@ void message_loose(struct message *message, uint64_t time_ns, const char *name,
     arthron_session_Loose m = {true, stamp_of(time_ns), text_of(name),
                                text_of(loose_state_name(loose->state)),
                                text_of(output_carrier_name(loose->carrier))};
-    encode(message, arthron_session_Loose_fields, &m);
+    encode_message(message, arthron_session_Loose_fields, &m);
 }
 
 void message_resection(struct message *message, uint64_t time_ns, const struct landed *landed) {
@@ -127,14 +127,14 @@ void message_resection(struct message *message, uint64_t time_ns, const struct l
                                    f->quality.step_mm,
                                    f->touched_unseen_mm3,
                                    f->seen_untouched_mm3};
-    encode(message, arthron_session_Resection_fields, &m);
+    encode_message(message, arthron_session_Resection_fields, &m);
 }
 
 void message_marker(struct message *message, uint64_t time_ns, const struct marker *marker) {
     arthron_session_Marker m = {
         true,          stamp_of(time_ns), text_of(marker->name), text_of(marker->device),
         marker->value, marker->number};
-    encode(message, arthron_session_Marker_fields, &m);
+    encode_message(message, arthron_session_Marker_fields, &m);
 }
 
 void message_log(struct message *message, uint64_t time_ns, bool is_warning, const char *text,
@@ -142,7 +142,7 @@ void message_log(struct message *message, uint64_t time_ns, bool is_warning, con
     foxglove_Log m = {true, stamp_of(time_ns),
                       is_warning ? foxglove_Log_Level_WARNING : foxglove_Log_Level_INFO,
                       text_of(text), text_of(name)};
-    encode(message, foxglove_Log_fields, &m);
+    encode_message(message, foxglove_Log_fields, &m);
 }
 
 // ---- meshes -------------------------------------------------------------------------------------
@@ -192,7 +192,7 @@ void message_mesh(struct message *message, uint64_t time_ns, const char *frame, 
                                            .frame_locked = true,
                                            .triangles_count = 1,
                                            .triangles = {triangles_of(mesh, rgba)}};
-    encode(message, foxglove_SceneUpdate_fields, &m);
+    encode_message(message, foxglove_SceneUpdate_fields, &m);
 }
 
 void message_no_mesh(struct message *message, uint64_t time_ns, const char *id) {
@@ -202,5 +202,5 @@ void message_no_mesh(struct message *message, uint64_t time_ns, const char *id) 
                                        .timestamp = stamp_of(time_ns),
                                        .type = foxglove_SceneEntityDeletion_Type_MATCHING_ID,
                                        .id = text_of(id)};
-    encode(message, foxglove_SceneUpdate_fields, &m);
+    encode_message(message, foxglove_SceneUpdate_fields, &m);
 }

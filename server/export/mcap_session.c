@@ -107,7 +107,7 @@ static void add_groups(struct recording *r) {
     }
 }
 
-static void add_tissues(struct recording *r) {
+static void record_tissues(struct recording *r) {
     const struct scene *scene = r->walk.request->scene;
     for (int i = 0; i < (scene ? scene_tissue_count(scene) : TISSUES_MAX); i++) {
         char number[16];
@@ -117,7 +117,7 @@ static void add_tissues(struct recording *r) {
     }
 }
 
-static void add_loose(struct recording *r) {
+static void record_loose(struct recording *r) {
     for (int i = 0; i < r->contents.header.loose_count; i++) {
         struct loose_frame *loose = &r->loose[i];
         char number[16];
@@ -147,12 +147,12 @@ static void add_channels(struct recording *r) {
     r->remarks = add_channel(r, r->schemas.log, "/", "remarks");
     r->markers = add_channel(r, r->schemas.marker, "/", "markers");
     add_groups(r);
-    add_loose(r);
+    record_loose(r);
     if (r->contents.landed)
-        add_tissues(r);
+        record_tissues(r);
 }
 
-static void describe(struct recording *r) {
+static void describe_recording(struct recording *r) {
     const struct trace_header *h = &r->contents.header;
     char session[2 * sizeof h->session_id + 1], hash[2 * TRACE_HASH_SIZE + 1];
     bytes_text(h->session_id, sizeof h->session_id, session);
@@ -314,7 +314,7 @@ static void send_landed(struct recording *r, uint64_t utc_ns, const struct sessi
     send(r, r->tissues[o->landed.tissue], utc_ns);
 }
 
-static bool on_step(void *user, const struct trace_record *record, double seconds) {
+static bool on_recorded_step(void *user, const struct trace_record *record, double seconds) {
     struct recording *r = user;
     const struct session_output *o = &record->output;
     uint64_t utc_ns = utc_of(r, o->time_ns);
@@ -340,7 +340,7 @@ static bool on_step(void *user, const struct trace_record *record, double second
     return true;
 }
 
-static void on_remark(void *user, const struct remark *remark) {
+static void on_recorded_remark(void *user, const struct remark *remark) {
     struct recording *r = user;
     uint64_t utc_ns = utc_of(r, remark->time_ns);
     char text[REMARK_DESCRIPTION_SIZE];
@@ -349,7 +349,7 @@ static void on_remark(void *user, const struct remark *remark) {
     send(r, r->remarks, utc_ns);
 }
 
-static void on_marker(void *user, const struct marker *marker) {
+static void on_recorded_marker(void *user, const struct marker *marker) {
     struct recording *r = user;
     uint64_t utc_ns = utc_of(r, marker->time_ns);
     message_marker(&r->message, utc_ns, marker);
@@ -362,11 +362,11 @@ static enum result write_file(struct recording *r, const char *path, struct erro
     enum result result = mcap_create(path, "arthron " ARTHRON_VERSION, &r->mcap, err);
     if (result != RESULT_OK)
         return result;
-    describe(r);
+    describe_recording(r);
     add_channels(r);
-    r->walk.remark = on_remark;
-    r->walk.marker = on_marker;
-    result = walk_run(&r->walk, &r->contents, on_step, r, err);
+    r->walk.remark = on_recorded_remark;
+    r->walk.marker = on_recorded_marker;
+    result = walk_run(&r->walk, &r->contents, on_recorded_step, r, err);
     if (result == RESULT_OK)
         return mcap_finish(&r->mcap, err);
     mcap_abandon(&r->mcap);

@@ -70,7 +70,7 @@ static void begin(struct tracks *t, const struct contents *contents) {
     }
 }
 
-static bool on_step(void *user, const struct trace_record *record, double seconds) {
+static bool on_track_step(void *user, const struct trace_record *record, double seconds) {
     struct tracks *t = user;
     if (t->count == 0)
         t->first_s = seconds;
@@ -83,7 +83,7 @@ static bool on_step(void *user, const struct trace_record *record, double second
 enum result tracks_create(struct walk *walk, const struct contents *contents, struct tracks *t,
                           struct error *err) {
     begin(t, contents);
-    enum result result = walk_run(walk, contents, on_step, t, err);
+    enum result result = walk_run(walk, contents, on_track_step, t, err);
     if (result == RESULT_OK && t->count == 0)
         result = fail(err, RESULT_MISSING, "%s has no step in that time", walk->request->trace);
     if (result != RESULT_OK)

@@ -24,7 +24,7 @@ static bool take_vector(const char *value, vec3 *out) {
     return true;
 }
 
-static enum result take_place(struct add_loose *step, const char *value, struct error *err) {
+static enum result take_loose_place(struct add_loose *step, const char *value, struct error *err) {
     step->has_at = true;
     step->landmark[0] = '\0';
     if (case_name_is_valid(value) && !strchr("-.0123456789", value[0]))
@@ -47,7 +47,7 @@ enum result add_loose_take(struct add_loose *step, const char *key, const char *
                    ? RESULT_OK
                    : fail(err, RESULT_INVALID, "body: must be femur or tibia");
     if (strcmp(key, "at") == 0)
-        return take_place(step, value, err);
+        return take_loose_place(step, value, err);
     if (strcmp(key, "radii_mm") == 0)
         return take_vector(value, &step->radii_mm) && is_radius(step->radii_mm.x) &&
                        is_radius(step->radii_mm.y) && is_radius(step->radii_mm.z)
@@ -73,8 +73,8 @@ enum result add_loose_check(const struct add_loose *step, struct error *err) {
 // ---- the step -----------------------------------------------------------------------------------
 
 // In the frame of the body.
-static enum result place_of(const struct knee_case *knee, const struct add_loose *step,
-                            vec3 *out_at, struct error *err) {
+static enum result place_of_loose(const struct knee_case *knee, const struct add_loose *step,
+                                  vec3 *out_at, struct error *err) {
     const struct case_landmark *landmark = case_landmark(knee, step->landmark);
     vec3 at = step->at;
     if (knee->joint.side == SIDE_LEFT)
@@ -111,8 +111,8 @@ static enum result on_surface(struct knee_case *knee, enum body body, vec3 *in_o
     return result;
 }
 
-static enum result add(struct knee_case *knee, const char *name, enum body body, vec3 at,
-                       vec3 radii_mm, struct error *err) {
+static enum result add_body(struct knee_case *knee, const char *name, enum body body, vec3 at,
+                            vec3 radii_mm, struct error *err) {
     if (!case_name_is_valid(name))
         return fail(err, RESULT_INVALID, "'%s' is no name of letters, digits and \"_-.\"", name);
     if (case_loose_index(knee, name) >= 0)
@@ -132,7 +132,7 @@ static enum result add_some(struct knee_case *knee, const char *name, const stru
     for (int i = 0; i < step->count && result == RESULT_OK; i++) {
         char numbered[CASE_NAME_MAX + 8];
         snprintf(numbered, sizeof numbered, "%s_%d", name, i + 1);
-        result = add(knee, numbered, places[i].body, places[i].at, step->radii_mm, err);
+        result = add_body(knee, numbered, places[i].body, places[i].at, step->radii_mm, err);
     }
     return result;
 }
@@ -142,8 +142,8 @@ enum result add_loose_apply(struct knee_case *knee, const char *name, const stru
     vec3 at;
     if (step->count)
         return add_some(knee, name, step, err);
-    enum result result = place_of(knee, step, &at, err);
+    enum result result = place_of_loose(knee, step, &at, err);
     if (result == RESULT_OK)
         result = on_surface(knee, step->body, &at, err);
-    return result == RESULT_OK ? add(knee, name, step->body, at, step->radii_mm, err) : result;
+    return result == RESULT_OK ? add_body(knee, name, step->body, at, step->radii_mm, err) : result;
 }

@@ -39,8 +39,8 @@ static void mesh_to_patient(const struct recipe *recipe, struct mesh *mesh) {
 }
 
 // Takes the mesh of the right knee of size 1 over as a group of one part.
-static struct case_group *add(struct knee_case *knee, const struct recipe *recipe, const char *name,
-                              enum body body, struct mesh *mesh) {
+static struct case_group *add_recipe_group(struct knee_case *knee, const struct recipe *recipe,
+                                           const char *name, enum body body, struct mesh *mesh) {
     mesh_to_patient(recipe, mesh);
     struct case_group *group = case_add_group(knee, name, body);
     CHECK(group);
@@ -64,15 +64,15 @@ static void add_patella(struct knee_case *knee, const struct recipe *recipe, dou
     }
     for (uint32_t v = 0; v < mesh.vertex_count; v++)
         mesh_set_vertex(&mesh, v, pose_apply(rest, mesh_vertex(&mesh, v)));
-    add(knee, recipe, "patella", BODY_PATELLA, &mesh);
+    add_recipe_group(knee, recipe, "patella", BODY_PATELLA, &mesh);
 }
 
 static void add_bones(struct knee_case *knee, const struct recipe *recipe, double edge) {
     struct mesh mesh;
     implicit_mesh(shape_femur, shape_femur_box(), edge, &mesh);
-    add(knee, recipe, "femur", BODY_FEMUR, &mesh);
+    add_recipe_group(knee, recipe, "femur", BODY_FEMUR, &mesh);
     implicit_mesh(shape_tibia, shape_tibia_box(), edge, &mesh);
-    add(knee, recipe, "tibia", BODY_TIBIA, &mesh);
+    add_recipe_group(knee, recipe, "tibia", BODY_TIBIA, &mesh);
     add_patella(knee, recipe, 0.7 * edge);
 }
 
@@ -83,7 +83,7 @@ static enum result add_menisci(struct knee_case *knee, const struct recipe *reci
     for (int i = 0; i < 2; i++) {
         struct mesh mesh;
         bool reached = tube_meniscus(i == 1, 1000 * cm3[i], edge / 2, &mesh);
-        add(knee, recipe, names[i], BODY_TIBIA, &mesh)->cuttable = true;
+        add_recipe_group(knee, recipe, names[i], BODY_TIBIA, &mesh)->cuttable = true;
         if (!reached)
             return fail(err, RESULT_INVALID, "%s: %g cm3 do not fit under the femur", names[i],
                         cm3[i]);
@@ -97,7 +97,8 @@ static enum result add_ligaments(struct knee_case *knee, const struct recipe *re
     for (int i = 0; i < LIGAMENT_COUNT && result == RESULT_OK; i++) {
         struct mesh mesh;
         tube_ligament(&ligaments[i], edge / 2, &mesh);
-        struct case_group *group = add(knee, recipe, ligaments[i].name, BODY_TIBIA, &mesh);
+        struct case_group *group =
+            add_recipe_group(knee, recipe, ligaments[i].name, BODY_TIBIA, &mesh);
         result = bridge_make(knee, group, BODY_FEMUR, err);
     }
     return result;
@@ -128,7 +129,7 @@ static enum result add_skin(struct knee_case *knee, const struct recipe *recipe,
                             struct error *err) {
     struct mesh mesh;
     implicit_mesh(shape_skin, shape_skin_box(), 2 * edge, &mesh);
-    struct case_group *group = add(knee, recipe, "skin", BODY_FEMUR, &mesh);
+    struct case_group *group = add_recipe_group(knee, recipe, "skin", BODY_FEMUR, &mesh);
     struct query *query;
     enum result result = query_create(&group->mesh, &query, err);
     if (result != RESULT_OK)

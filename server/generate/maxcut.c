@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "case/arc.h"
 #include "generate/maxcut_polish.h"
+#include "generate/shape.h"
 
 #include <stdlib.h>
 
@@ -11,7 +12,7 @@
 static const double inset_way = 0.5;         // moved so far, the whole inset
 static const double firm = 0.95;             // relative heights beyond it are drawn in
 static const double least_half = 0.4;        // of the height where it runs out at a margin, mm
-static const double root = 0.08, all = 0.25; // shares of the arc from an end: nothing, the whole
+static const double root_share = 0.08, all_share = 0.25; // shares of the arc from an end: nothing, the whole
 static const double hollow = 0.2;            // so far outside S' the rim is widened, mm
 static const double widening = 0.5, steepest = 0.7; // mm a round; mm a mm along the margin
 
@@ -20,12 +21,6 @@ struct shape {
     double rim; // asked for
     double rims[SECTORS];
 };
-
-// 0 below `low`, 1 above `high`, smooth between.
-static double ramp(double low, double high, double x) {
-    double t = fmin(fmax((x - low) / (high - low), 0), 1);
-    return t * t * (3 - 2 * t);
-}
 
 static double rim_at(const struct shape *shape, double along) {
     double at = fmin(fmax(along, 0), 1) * (SECTORS - 1);
@@ -39,7 +34,7 @@ static double inward_after(const struct shape *shape, struct arc_place place) {
     if (width <= rim || place.inward <= kept)
         return place.inward;
     double squeezed = kept + (place.inward - kept) * (rim - kept) / (width - kept);
-    double share = ramp(root, all, fmin(place.along, 1 - place.along));
+    double share = shape_ramp(root_share, all_share, fmin(place.along, 1 - place.along));
     return place.inward + share * (squeezed - place.inward);
 }
 
@@ -63,7 +58,7 @@ static vec3 resected(const struct shape *shape, vec3 p) {
     arc_heights(shape->arc, from.along, from.inward, &lower, &upper);
     arc_heights(shape->arc, to.along, to.inward, &to_lower, &to_upper);
     double relative = (from.height - (lower + upper) / 2) / half_height(lower, upper);
-    double moved = ramp(0, inset_way, from.inward - to.inward);
+    double moved = shape_ramp(0, inset_way, from.inward - to.inward);
     relative += moved * (within(relative) - relative);
     double half = (to_upper - to_lower) / 2 - MAXCUT_INSET_MM * moved;
     to.height = (to_lower + to_upper) / 2 + relative * half;
@@ -116,7 +111,7 @@ static void widen(struct shape *shape, const struct mesh *least, const bool *unf
 // ---- making -------------------------------------------------------------------------------------
 
 static bool is_wider(const struct arc *arc, double rim) {
-    for (double along = root; along < 1 - root; along += 0.01)
+    for (double along = root_share; along < 1 - root_share; along += 0.01)
         if (arc_width(arc, along) > rim)
             return true;
     return false;

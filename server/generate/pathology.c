@@ -39,8 +39,8 @@ static int groups_of(struct knee_case *knee, enum body body, struct case_group *
 }
 
 // In the frame of the body.
-static enum result place_of(const struct knee_case *knee, const struct pathology_place *place,
-                            vec3 *out_at, struct error *err) {
+static enum result place_of_step(const struct knee_case *knee, const struct pathology_place *place,
+                                 vec3 *out_at, struct error *err) {
     const char *name = place->landmark;
     const struct case_landmark *landmark = case_landmark(knee, name);
     vec3 at = place->at;
@@ -63,7 +63,7 @@ static enum result add_cavity(struct knee_case *knee, const struct pathology_cav
     struct case_group *groups[CASE_GROUPS_MAX + 1];
     enum body body = cavity->place.body;
     struct deform_cavity dent = {.radius_mm = cavity->radius_mm, .depth_mm = cavity->depth_mm};
-    enum result result = place_of(knee, &cavity->place, &dent.at, err);
+    enum result result = place_of_step(knee, &cavity->place, &dent.at, err);
     if (result != RESULT_OK)
         return result;
     int count = groups_of(knee, body, groups);
@@ -86,7 +86,7 @@ static enum result add_wear(struct knee_case *knee, const struct pathology_wear 
                             struct error *err) {
     struct case_group *groups[CASE_GROUPS_MAX + 1];
     struct wear_patch patch = {.radius_mm = wear->radius_mm, .grade = wear->grade};
-    enum result result = place_of(knee, &wear->place, &patch.at, err);
+    enum result result = place_of_step(knee, &wear->place, &patch.at, err);
     if (result != RESULT_OK)
         return result;
     int count = groups_of(knee, wear->place.body, groups);

@@ -108,7 +108,7 @@ static enum result take_series(struct pathology *step, const struct word *word, 
 
 // ---- other words --------------------------------------------------------------------------------
 
-static enum result refuse(struct error *err, const char *key, const char *reason) {
+static enum result refuse_word(struct error *err, const char *key, const char *reason) {
     return fail(err, RESULT_INVALID, "%s: %s", key, reason);
 }
 
@@ -117,8 +117,8 @@ static enum result take_body(struct pathology *step, const char *value, struct e
     bool has_patella = step->kind == PATHOLOGY_WEAR;
     if (body_from_name(value, body) && (has_patella || *body != BODY_PATELLA))
         return RESULT_OK;
-    return refuse(err, "body",
-                  has_patella ? "must be femur, tibia or patella" : "must be femur or tibia");
+    return refuse_word(err, "body",
+                       has_patella ? "must be femur, tibia or patella" : "must be femur or tibia");
 }
 
 static enum result take_place(struct pathology *step, const char *key, const char *value,
@@ -127,7 +127,7 @@ static enum result take_place(struct pathology *step, const char *key, const cha
     if (strcmp(key, "body") == 0)
         return take_body(step, value, err);
     if (strcmp(key, "at") != 0)
-        return refuse(err, key, "unknown key");
+        return refuse_word(err, key, "unknown key");
     pose p;
     place->at = (vec3){0};
     if (case_name_is_valid(value)) {
@@ -135,8 +135,8 @@ static enum result take_place(struct pathology *step, const char *key, const cha
         return RESULT_OK;
     }
     if (!number_pose(value, &p) || p.rotation.w != 1 || !(vec3_length(p.translation) <= 100))
-        return refuse(err, key,
-                      "must be a landmark, or three numbers, x y z, within 100 mm of the origin");
+        return refuse_word(
+            err, key, "must be a landmark, or three numbers, x y z, within 100 mm of the origin");
     place->landmark[0] = '\0';
     place->at = p.translation;
     return RESULT_OK;
@@ -144,7 +144,7 @@ static enum result take_place(struct pathology *step, const char *key, const cha
 
 static enum result take_group(char group[CASE_NAME_MAX], const char *value, struct error *err) {
     if (!case_name_is_valid(value))
-        return refuse(err, "group", "must be the name of a group, as meniscus_medial");
+        return refuse_word(err, "group", "must be the name of a group, as meniscus_medial");
     strcpy(group, value);
     return RESULT_OK;
 }
@@ -168,10 +168,10 @@ enum result pathology_take(struct pathology *step, const char *key, const char *
     if (step->kind == PATHOLOGY_PLAN && strcmp(key, "group") == 0)
         return take_group(step->plan.group, value, err);
     if (step->kind != PATHOLOGY_TEAR || strcmp(key, "kind") != 0)
-        return refuse(err, key, "unknown key");
+        return refuse_word(err, key, "unknown key");
     return tear_kind_from_name(value, &step->tear.tear.kind)
                ? RESULT_OK
-               : refuse(err, key, "must be radial, flap, bucket-handle or horizontal");
+               : refuse_word(err, key, "must be radial, flap, bucket-handle or horizontal");
 }
 
 // ---- all of them --------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ static bool is_told(const struct pathology_place *place) {
     return place->body != BODY_COUNT && !isnan(place->at.x);
 }
 
-static enum result check_cavity(const struct pathology_cavity *c, struct error *err) {
+static enum result check_cavity_words(const struct pathology_cavity *c, struct error *err) {
     if (!is_told(&c->place) || c->radius_mm == 0 || c->depth_mm == 0)
         return fail(err, RESULT_MISSING, "needs body, at, radius_mm and depth_mm");
     if (c->depth_mm > c->radius_mm / 2)
@@ -246,7 +246,7 @@ enum result pathology_check(const struct pathology *step, struct error *err) {
     case PATHOLOGY_LIGAMENT:
         return check_ligament(step, err);
     case PATHOLOGY_CAVITY:
-        return check_cavity(&step->cavity, err);
+        return check_cavity_words(&step->cavity, err);
     case PATHOLOGY_WEAR:
         return check_wear(&step->wear, err);
     case PATHOLOGY_TEAR:

@@ -33,8 +33,8 @@ static const struct recipe_key number_keys[] = {
     {"menisci", "rim_mm", offsetof(struct recipe, rim_mm), MAXCUT_RIM_LEAST_MM, MAXCUT_RIM_MOST_MM},
 };
 
-static enum result refuse(struct recipe_reader *r, const char *section, const char *key,
-                          const char *reason) {
+static enum result refuse_entry(struct recipe_reader *r, const char *section, const char *key,
+                                const char *reason) {
     return r->result = fail(r->err, RESULT_INVALID, "[%s] %s: %s", section, key, reason);
 }
 
@@ -102,7 +102,7 @@ static enum result read_step(struct recipe_reader *r, const char *section, const
     const char *name = name_of(section, &kind);
     struct pathology *step = step_of(r->recipe, kind, name);
     if (!step)
-        return refuse(r, section, key, steps_limits[kind]);
+        return refuse_entry(r, section, key, steps_limits[kind]);
     r->result = pathology_take(step, key, value, r->err);
     return r->result == RESULT_OK ? RESULT_OK : fail_in(r->err, r->result, "[%s] ", section);
 }
@@ -133,7 +133,7 @@ static enum result read_knee(struct recipe_reader *r, const char *section, const
                              const char *value) {
     if (strcmp(section, "knee") == 0 && strcmp(key, "title") == 0) {
         if (strlen(value) >= sizeof r->recipe->title)
-            return refuse(r, section, key, "must be at most 127 characters");
+            return refuse_entry(r, section, key, "must be at most 127 characters");
         strcpy(r->recipe->title, value);
         return RESULT_OK;
     }
@@ -141,7 +141,7 @@ static enum result read_knee(struct recipe_reader *r, const char *section, const
         bool left = strcmp(value, "left") == 0;
         r->recipe->side = left ? SIDE_LEFT : SIDE_RIGHT;
         if (!left && strcmp(value, "right") != 0)
-            return refuse(r, section, key, "must be right or left");
+            return refuse_entry(r, section, key, "must be right or left");
         return RESULT_OK;
     }
     for (size_t i = 0; i < sizeof number_keys / sizeof *number_keys; i++) {
@@ -150,7 +150,7 @@ static enum result read_knee(struct recipe_reader *r, const char *section, const
             return read_number(r, section, key, value, k->low, k->high,
                                (double *)((char *)r->recipe + k->offset));
     }
-    return refuse(r, section, key, "unknown key");
+    return refuse_entry(r, section, key, "unknown key");
 }
 
 static bool seen_before(struct recipe_reader *r, const char *section, const char *key) {
@@ -170,7 +170,7 @@ static int read_entry(void *user, const char *section, const char *key, const ch
     if (r->result != RESULT_OK)
         return 0;
     if (seen_before(r, section, key))
-        return refuse(r, section, key, "given twice") == RESULT_OK;
+        return refuse_entry(r, section, key, "given twice") == RESULT_OK;
     enum pathology_kind kind;
     if (name_of(section, &kind))
         return read_step(r, section, key, value) == RESULT_OK;

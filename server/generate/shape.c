@@ -9,7 +9,7 @@ static double square(double x) {
 }
 
 // 0 below `low`, 1 above `high`, smooth between.
-static double ramp(double low, double high, double x) {
+double shape_ramp(double low, double high, double x) {
     double t = fmin(fmax((x - low) / (high - low), 0), 1);
     return t * t * (3 - 2 * t);
 }
@@ -65,7 +65,7 @@ static double shaft_ends(vec3 p) {
 }
 
 static double femur_shaft(vec3 p) {
-    double flare = ramp(62, 10, p.z);
+    double flare = shape_ramp(62, 10, p.z);
     double half_x = 14 + 19 * flare, half_y = 13 + 2 * flare;
     double q = hypot(p.x / half_x, (p.y - 16) / half_y);
     return smooth_max(from_ellipse(q, half_y), shaft_ends(p), 8);
@@ -87,7 +87,7 @@ double shape_femur(vec3 p) {
 static double plateau_height(double x, double y) {
     double medial = (square(x + SHAPE_CONDYLE_X) + square(y)) / 500;
     double lateral = square(x - SHAPE_CONDYLE_X) / 200 - square(y) / 140;
-    double side = ramp(-8, 8, x);
+    double side = shape_ramp(-8, 8, x);
     double spines = 0;
     for (int i = -1; i <= 1; i += 2)
         spines += 7 * square(fmax(1 - square((x - 4.5 * i) / 6.5) - square((y + 2) / 13), 0));
@@ -97,7 +97,7 @@ static double plateau_height(double x, double y) {
 
 // Sections of the tibia are ovals, wide at the plateau and narrow at the shaft.
 static double tibia_side(vec3 p) {
-    double flare = ramp(-72, -31, p.z);
+    double flare = shape_ramp(-72, -31, p.z);
     double half_x = 13 + 25.5 * flare, half_y = 13 + 11 * flare;
     double q = pow(pow(fabs(p.x) / half_x, 2.5) + pow(fabs(p.y + 1) / half_y, 2.5), 0.4);
     return from_ellipse(q, half_y);

@@ -32,3 +32,6 @@ bool shape_femur_sweeps(vec3 p_tibia, double gap);
 
 // The height of the tibia's upper surface at (x, y).
 double shape_plateau(double x, double y);
+
+// From 0 at `low` smoothly to 1 at `high`.
+double shape_ramp(double low, double high, double x);

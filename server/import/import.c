@@ -14,7 +14,7 @@
 #define KNEE_BONE_MAX_MM 130
 #define FAR_UNITS 1e30 // what a float can hold
 
-static double middle_side(const struct mesh *mesh) {
+static double middle_side_of_mesh(const struct mesh *mesh) {
     struct box box = mesh_bounds(mesh);
     vec3 side = vec3_sub(box.max, box.min);
     return side.x + side.y + side.z - fmax(side.x, fmax(side.y, side.z)) -
@@ -47,10 +47,10 @@ static bool is_soup(const char *path, const struct mesh *mesh) {
            (mesh->triangle_count > 1 && mesh->vertex_count >= 3 * (uint64_t)mesh->triangle_count);
 }
 
-static enum result refuse(const struct import_source *source, struct mesh *mesh, enum result result,
-                          struct error *err) {
+static enum result refuse_source(const struct import_source *source, struct mesh *mesh,
+                                 enum result result, struct error *err) {
     const char *unit =
-        mesh->vertex_count ? unit_that_fits(middle_side(mesh) / source->mm_per_unit) : NULL;
+        mesh->vertex_count ? unit_that_fits(middle_side_of_mesh(mesh) / source->mm_per_unit) : NULL;
     mesh_fini(mesh);
     return fail_in(err, result, "%s: %s%s%s", source->path,
                    unit ? "the unit that would fit is " : "", unit ? unit : "", unit ? ": " : "");
@@ -65,8 +65,8 @@ enum result import_read(const char *path, const struct case_limits *limits,
 }
 
 // A mirror turns triangles over.
-static void place(const struct import_source *source, const struct import_arrays *arrays,
-                  struct mesh *mesh) {
+static void place_mesh(const struct import_source *source, const struct import_arrays *arrays,
+                       struct mesh *mesh) {
     bool mirrored = source->frame && mat3_determinant(source->frame->R_case_common) < 0;
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         const double *p = arrays->positions + 3 * (size_t)v;
@@ -99,11 +99,11 @@ enum result import_make(const struct import_source *source, const struct import_
     enum result result = check_reach(arrays, err);
     if (result == RESULT_OK) {
         mesh_init(out_mesh, arrays->vertex_count, arrays->triangle_count);
-        place(source, arrays, out_mesh);
+        place_mesh(source, arrays, out_mesh);
         result = mesh_validate(out_mesh, err);
     }
     if (result != RESULT_OK)
-        return refuse(source, out_mesh, result, err);
+        return refuse_source(source, out_mesh, result, err);
     struct repair_settings settings = {
         .weld_mm = is_soup(source->path, out_mesh) ? IMPORT_SOUP_WELD_MM : 0,
         .island_share = IMPORT_ISLAND_SHARE,
@@ -112,7 +112,8 @@ enum result import_make(const struct import_source *source, const struct import_
     out_report->triangles_before += arrays->dropped;
     out_report->repeated_corners += arrays->dropped;
     if (!left)
-        return refuse(source, out_mesh, fail(err, RESULT_INVALID, "no triangle is left"), err);
+        return refuse_source(source, out_mesh, fail(err, RESULT_INVALID, "no triangle is left"),
+                             err);
     return RESULT_OK;
 }
 
@@ -156,7 +157,7 @@ enum body import_default_bridge(const char *group, enum body body) {
 
 enum result import_check_bone(const struct case_group *bone, double mm_per_unit,
                               struct error *err) {
-    double middle = middle_side(&bone->mesh);
+    double middle = middle_side_of_mesh(&bone->mesh);
     if (middle >= KNEE_BONE_MIN_MM && middle <= KNEE_BONE_MAX_MM)
         return RESULT_OK;
     const char *unit = unit_that_fits(middle / mm_per_unit);

@@ -21,7 +21,8 @@ struct pieces {
     struct piece *all; // by their lowest triangle
 };
 
-static void add_triangle(struct piece *piece, const struct mesh *mesh, uint32_t t, vec3 origin) {
+static void add_piece_triangle(struct piece *piece, const struct mesh *mesh, uint32_t t,
+                               vec3 origin) {
     vec3 p[3];
     for (int i = 0; i < 3; i++) {
         p[i] = mesh_corner(mesh, t, i);
@@ -66,7 +67,7 @@ static struct pieces pieces_of(const struct mesh *mesh) {
             pieces.all[*piece] = (struct piece){.box = {corner, corner}, .probe = corner};
         }
         pieces.of_triangle[t] = *piece;
-        add_triangle(&pieces.all[*piece], mesh, t, mesh_corner(mesh, 0, 0));
+        add_piece_triangle(&pieces.all[*piece], mesh, t, mesh_corner(mesh, 0, 0));
     }
     count_open_edges(mesh, &pieces);
     free(piece_of_set);

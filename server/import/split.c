@@ -29,7 +29,8 @@ static void widen(struct box *box, vec3 p) {
     box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
 }
 
-static void add_triangle(struct component *c, const struct import_arrays *arrays, uint32_t t) {
+static void add_component_triangle(struct component *c, const struct import_arrays *arrays,
+                                   uint32_t t) {
     vec3 p[3], origin = corner(arrays, 0);
     for (size_t i = 0; i < 3; i++) {
         p[i] = corner(arrays, 3 * (size_t)t + i);
@@ -136,7 +137,7 @@ static uint32_t find_components(const struct import_arrays *arrays, uint32_t *se
     for (uint32_t t = 0; t < arrays->triangle_count; t++) {
         uint32_t set = sets_find(sets, arrays->triangles[3 * (size_t)t]);
         all[set].set = set;
-        add_triangle(&all[set], arrays, t);
+        add_component_triangle(&all[set], arrays, t);
     }
     for (uint32_t v = 0; v < arrays->vertex_count; v++)
         if (all[v].triangles)

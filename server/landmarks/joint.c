@@ -2,7 +2,7 @@
 
 #include "base/check.h"
 
-static const int rounds = 8;
+static const int joint_rounds = 8;
 static const double arc_from_deg = 20, arc_to_deg = 95; // of the posterior condyle
 static const double half_ridge = 4;                     // mm of a ridge, from its middle
 static const double ridge_drop = 1.5;                   // mm below the highest still is the ridge
@@ -129,7 +129,7 @@ enum result condyles_fit(struct condyles *c, struct knee_case *knee, struct erro
     pose first = {quat_identity(), first_centre(&c->local, femur)};
     c->local = local_turned(&c->local, first);
     bool found = true;
-    for (int i = 0; i < rounds && found; i++) {
+    for (int i = 0; i < joint_rounds && found; i++) {
         found = look_again(c, femur);
         if (found)
             c->local = local_turned(&c->local, frame_of(c));

@@ -7,7 +7,7 @@
 static const double least_gap = 0.2, least_patella_gap = 0.3; // mm
 static const double sample_mm = 1, sample_deg = 2.5;          // of the femur's surface
 static const double seen_deg = 50; // of the femur's surface to either side of where they meet
-static const int rounds = 8;
+static const int path_rounds = 8;
 static const double most_shift = 12, most_turn_deg = 10; // of one path
 
 struct sampled {
@@ -73,7 +73,7 @@ static pose with_gaps(const struct knee_case *knee, const struct condyles *c,
     double width = c->ridge_x[COMPARTMENT_LATERAL] - c->ridge_x[COMPARTMENT_MEDIAL], gaps[2];
     gaps_of(femur, tibia, joint_to_pose(&knee->joint, &angles), flexion_deg,
             out_point->axes_gap_mm);
-    for (int i = 0; i < rounds; i++) {
+    for (int i = 0; i < path_rounds; i++) {
         gaps_of(femur, tibia, joint_to_pose(&knee->joint, &angles), flexion_deg, gaps);
         double medial = wanted[COMPARTMENT_MEDIAL] - gaps[COMPARTMENT_MEDIAL];
         double lateral = wanted[COMPARTMENT_LATERAL] - gaps[COMPARTMENT_LATERAL];

@@ -17,7 +17,7 @@ struct reading {
     struct blind_pair pairs[BLIND_PAIRS_MAX];
 };
 
-static void take(void *user, const char *account, const char *trainee) {
+static void take_pair(void *user, const char *account, const char *trainee) {
     struct reading *r = user;
     r->too_many = r->count == BLIND_PAIRS_MAX;
     if (r->too_many)
@@ -29,7 +29,7 @@ static void take(void *user, const char *account, const char *trainee) {
 
 static void read_pairs(struct blindness *b) {
     struct reading *r = alloc(1, sizeof *r);
-    bool known = b->each(b->user, take, r) && !r->too_many;
+    bool known = b->each(b->user, take_pair, r) && !r->too_many;
     if (r->too_many)
         log_error("live", "more than %d raters of exams that go on: pages may name their trainees",
                   BLIND_PAIRS_MAX);
@@ -45,7 +45,7 @@ static void read_pairs(struct blindness *b) {
     free(r);
 }
 
-static int64_t run(void *blindness) {
+static int64_t run_blindness(void *blindness) {
     read_pairs(blindness);
     return TASK_DONE;
 }
@@ -69,7 +69,7 @@ void blindness_renew(struct blindness *b, struct task_pool *pool, int64_t now_ns
     bool due = !b->reading && now_ns - b->read_ns > RENEW_NS;
     b->reading = b->reading || due;
     pthread_mutex_unlock(&b->mutex);
-    if (!due || task_pool_add(pool, &(struct pool_task){.run = run, .data = b}))
+    if (!due || task_pool_add(pool, &(struct pool_task){.run = run_blindness, .data = b}))
         return;
     pthread_mutex_lock(&b->mutex);
     b->reading = false;

@@ -48,7 +48,7 @@ static struct parcel *answer(struct page_command *c) {
 }
 
 // The ring has room for all that a page may have asked; it is full only where the page has gone.
-static int64_t run(void *data) {
+static int64_t run_waiting_command(void *data) {
     struct page_command *c = data;
     struct parcel *parcel = answer(c);
     CHECK(parcel);
@@ -75,8 +75,10 @@ bool command_runner_add(struct live_server *live, const struct viewer *viewer,
     if (c->of_trainee)
         snprintf(c->command.trainee, sizeof c->command.trainee, "%s", viewer->account.trainee);
     snprintf(c->actor, sizeof c->actor, "%s", viewer->account.name);
-    struct pool_task task = {
-        .key = (uint64_t)(viewer - live->viewers) + 1, .run = run, .finish = finish, .data = c};
+    struct pool_task task = {.key = (uint64_t)(viewer - live->viewers) + 1,
+                             .run = run_waiting_command,
+                             .finish = finish,
+                             .data = c};
     bool added = task_pool_add(live->commands, &task);
     if (!added)
         free(c);

@@ -217,8 +217,8 @@ bool elsewhere_answers(const struct live_server *live, const struct viewer *view
     return may_ask(viewer) && !lists_all(viewer, command) && server_of(live, command) >= 0;
 }
 
-static uint32_t ask(struct live_server *live, struct viewer *viewer, int index,
-                    const arthron_Command *command) {
+static uint32_t ask_elsewhere(struct live_server *live, struct viewer *viewer, int index,
+                              const arthron_Command *command) {
     struct remote *remote = remote_of(live, viewer, index);
     if (!remote)
         return 0;
@@ -237,7 +237,7 @@ static uint32_t ask_all(struct live_server *live, struct viewer *viewer,
         if (!has_pages(servers, by) || done & UINT64_C(1) << by)
             continue;
         done |= UINT64_C(1) << by;
-        asked |= ask(live, viewer, by, command);
+        asked |= ask_elsewhere(live, viewer, by, command);
     }
     return asked;
 }
@@ -247,7 +247,7 @@ bool elsewhere_ask(struct live_server *live, struct viewer *viewer, bool here,
     struct elsewhere *e = &viewer->elsewhere;
     uint32_t from = here ? 1u << ANSWER_HERE : 0;
     if (!here)
-        from |= ask(live, viewer, server_of(live, command), command);
+        from |= ask_elsewhere(live, viewer, server_of(live, command), command);
     else if (command && lists_all(viewer, command))
         from |= ask_all(live, viewer, command);
     if (!from)

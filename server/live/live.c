@@ -94,7 +94,7 @@ static void drop_answers(struct viewer *viewer) {
         free(parcel);
 }
 
-static bool has_room(const struct live_server *live, const struct live_account *account) {
+static bool has_room_for(const struct live_server *live, const struct live_account *account) {
     int own = 0, trainees = 0;
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
         const struct viewer *viewer = &live->viewers[i];
@@ -108,7 +108,7 @@ static bool has_room(const struct live_server *live, const struct live_account *
 
 struct viewer *live_server_join(struct live_server *live, const struct live_account *account,
                                 const char *token) {
-    bool room = has_room(live, account);
+    bool room = has_room_for(live, account);
     for (int i = 0; room && i < LIVE_VIEWERS_MAX; i++) {
         struct viewer *viewer = &live->viewers[i];
         if (viewer->used)
@@ -214,7 +214,8 @@ static const char *refusal_of(const struct viewer *viewer, const arthron_Command
 }
 
 // False: too busy.
-static bool ask(struct live_server *live, struct viewer *viewer, const arthron_Command *command) {
+static bool ask_here(struct live_server *live, struct viewer *viewer,
+                     const arthron_Command *command) {
     const char *refusal = refusal_of(viewer, command);
     bool here = refusal || !elsewhere_answers(live, viewer, command);
     if (here && !command_runner_add(live, viewer, command, refusal))
@@ -226,7 +227,8 @@ static bool ask(struct live_server *live, struct viewer *viewer, const arthron_C
 // until that was told.
 static void take_command(struct live_server *live, struct viewer *viewer,
                          const arthron_Command *command) {
-    if (viewer->answers_due.count == ASKED_MAX || viewer->refused || !ask(live, viewer, command))
+    if (viewer->answers_due.count == ASKED_MAX || viewer->refused ||
+        !ask_here(live, viewer, command))
         viewer->refused++;
 }
 

@@ -16,7 +16,7 @@ enum { WIRE_VARINT = 0, WIRE_BYTES = 2 };
 #define WHY_CODE 1
 #define NAME_MAX_SIZE 128
 
-struct field {
+struct wire_field {
     uint32_t tag;
     int type;
     const uint8_t *whole; // with its key
@@ -40,13 +40,13 @@ static bool read_varint(const uint8_t *bytes, size_t size, size_t *at, uint64_t 
 }
 
 // False at the end, where *at is size, and where it is no message.
-static bool next_field(const uint8_t *bytes, size_t size, size_t *at, struct field *out) {
+static bool next_field(const uint8_t *bytes, size_t size, size_t *at, struct wire_field *out) {
     uint64_t key, length = 0;
     size_t begin = *at;
     if (*at >= size || !read_varint(bytes, size, at, &key))
         return false;
     *out =
-        (struct field){.tag = (uint32_t)(key >> 3), .type = (int)(key & 7), .whole = bytes + begin};
+        (struct wire_field){.tag = (uint32_t)(key >> 3), .type = (int)(key & 7), .whole = bytes + begin};
     if (out->type == WIRE_VARINT) {
         if (!read_varint(bytes, size, at, &out->value))
             return false;
@@ -66,8 +66,8 @@ static bool next_field(const uint8_t *bytes, size_t size, size_t *at, struct fie
 }
 
 // The last of that tag, as protobuf has it.
-static bool find(const uint8_t *bytes, size_t size, uint32_t tag, struct field *out) {
-    struct field field;
+static bool find(const uint8_t *bytes, size_t size, uint32_t tag, struct wire_field *out) {
+    struct wire_field field;
     bool found = false;
     for (size_t at = 0; next_field(bytes, size, &at, &field);)
         if (field.tag == tag) {
@@ -77,14 +77,14 @@ static bool find(const uint8_t *bytes, size_t size, uint32_t tag, struct field *
     return found;
 }
 
-static uint64_t number_in(const struct field *message, uint32_t tag) {
-    struct field field;
+static uint64_t number_in(const struct wire_field *message, uint32_t tag) {
+    struct wire_field field;
     bool found = find(message->data, message->size, tag, &field) && field.type == WIRE_VARINT;
     return found ? field.value : 0;
 }
 
-static void text_in(const struct field *message, uint32_t tag, char out[NAME_MAX_SIZE]) {
-    struct field field;
+static void text_in(const struct wire_field *message, uint32_t tag, char out[NAME_MAX_SIZE]) {
+    struct wire_field field;
     out[0] = '\0';
     if (!find(message->data, message->size, tag, &field) || field.type != WIRE_BYTES ||
         field.size >= NAME_MAX_SIZE)
@@ -154,9 +154,9 @@ static void learn(struct passing *p, uint64_t number, const char *station) {
         p->numbers->own[number] = p->find(p->user, station, p->numbers->own[number]);
 }
 
-static int own_number(struct passing *p, const struct field *message, uint32_t tag) {
+static int own_number(struct passing *p, const struct wire_field *message, uint32_t tag) {
     char station[NAME_MAX_SIZE];
-    struct field info;
+    struct wire_field info;
     uint64_t number = number_in(message, tag);
     if (message->tag == arthron_Live_session_tag) {
         text_in(message, SESSION_STATION, station);
@@ -169,8 +169,8 @@ static int own_number(struct passing *p, const struct field *message, uint32_t t
     return number < (uint64_t)p->numbers->count ? p->numbers->own[number] : -1;
 }
 
-static uint8_t *put_numbered(uint8_t *out, const struct field *message, uint32_t tag, int number) {
-    struct field field;
+static uint8_t *put_numbered(uint8_t *out, const struct wire_field *message, uint32_t tag, int number) {
+    struct wire_field field;
     size_t size = varint_size((uint64_t)tag << 3) + varint_size((uint64_t)number);
     for (size_t at = 0; next_field(message->data, message->size, &at, &field);)
         size += field.tag == tag ? 0 : field.whole_size;
@@ -184,11 +184,11 @@ static uint8_t *put_numbered(uint8_t *out, const struct field *message, uint32_t
     return out;
 }
 
-static uint8_t *take_item(struct passing *p, const struct field *item, const struct field *message,
+static uint8_t *take_item(struct passing *p, const struct wire_field *item, const struct wire_field *message,
                           uint8_t *out) {
     uint32_t tag = number_tag(message->tag);
     int station = tag ? own_number(p, message, tag) : -1;
-    struct field why;
+    struct wire_field why;
     if (message->tag == arthron_Live_command_reply_tag) {
         p->reply(p->user, item->whole, item->whole_size);
         return out;
@@ -205,7 +205,7 @@ static uint8_t *take_item(struct passing *p, const struct field *item, const str
 
 bool passing_take(struct passing *p, const uint8_t *batch, size_t size, uint8_t *out,
                   size_t *out_size) {
-    struct field item, message;
+    struct wire_field item, message;
     uint8_t *to = out;
     size_t at = 0;
     while (next_field(batch, size, &at, &item)) {
@@ -220,7 +220,7 @@ bool passing_take(struct passing *p, const uint8_t *batch, size_t size, uint8_t 
 }
 
 size_t passing_first(const uint8_t *items, size_t size, uint32_t *out_kind) {
-    struct field item, message;
+    struct wire_field item, message;
     size_t at = 0, inside = 0;
     *out_kind = 0;
     if (!next_field(items, size, &at, &item))
@@ -232,15 +232,15 @@ size_t passing_first(const uint8_t *items, size_t size, uint32_t *out_kind) {
 
 // ---- lists --------------------------------------------------------------------------------------
 
-static bool reply_in(const uint8_t *bytes, size_t size, struct field *out) {
-    struct field item;
+static bool reply_in(const uint8_t *bytes, size_t size, struct wire_field *out) {
+    struct wire_field item;
     size_t at = 0, inside = 0;
     return next_field(bytes, size, &at, &item) && next_field(item.data, item.size, &inside, out) &&
            out->tag == arthron_Live_command_reply_tag && out->type == WIRE_BYTES;
 }
 
 // The row of a station that the other server serves itself.
-static bool row_of(const struct field *reply, const char *station, struct field *out) {
+static bool row_of(const struct wire_field *reply, const char *station, struct wire_field *out) {
     char name[NAME_MAX_SIZE], server[NAME_MAX_SIZE];
     for (size_t at = 0; next_field(reply->data, reply->size, &at, out);) {
         if (out->tag != REPLY_SESSIONS || out->type != WIRE_BYTES)
@@ -254,7 +254,7 @@ static bool row_of(const struct field *reply, const char *station, struct field 
 }
 
 // What a row tells of the server stays that of the own one, which knows the other's address.
-static bool replaced(const struct field *row, const struct field *other, struct field *out_row,
+static bool replaced(const struct wire_field *row, const struct wire_field *other, struct wire_field *out_row,
                      char out_server[NAME_MAX_SIZE]) {
     char station[NAME_MAX_SIZE];
     if (row->tag != REPLY_SESSIONS || row->type != WIRE_BYTES)
@@ -268,8 +268,8 @@ static size_t server_size(const char *server) {
     return 2 + varint_size(strlen(server)) + strlen(server);
 }
 
-static size_t merged_size(const struct field *own, const struct field *other) {
-    struct field field, row;
+static size_t merged_size(const struct wire_field *own, const struct wire_field *other) {
+    struct wire_field field, row;
     char server[NAME_MAX_SIZE];
     size_t size = 0;
     for (size_t at = 0; next_field(own->data, own->size, &at, &field);) {
@@ -286,7 +286,7 @@ static size_t merged_size(const struct field *own, const struct field *other) {
 
 size_t passing_merge(const uint8_t *own, size_t own_size, const uint8_t *other, size_t other_size,
                      uint8_t *out, size_t room) {
-    struct field mine, theirs, field, row;
+    struct wire_field mine, theirs, field, row;
     char server[NAME_MAX_SIZE];
     if (!reply_in(own, own_size, &mine) || !reply_in(other, other_size, &theirs))
         return 0;

@@ -154,7 +154,7 @@ static bool send(struct playback *p) {
     return true;
 }
 
-static bool say(void *user, const arthron_Live *item) {
+static bool say_item(void *user, const arthron_Live *item) {
     struct playback *p = user;
     if (!batch_say(&p->batch, item) && (!send(p) || !batch_say(&p->batch, item)))
         return false;
@@ -164,7 +164,7 @@ static bool say(void *user, const arthron_Live *item) {
     return !atomic_load(&p->left);
 }
 
-static bool say_mesh(void *user, const struct mesh_payload *payload) {
+static bool say_payload(void *user, const struct mesh_payload *payload) {
     struct playback *p = user;
     for (uint32_t i = 0; i < chunk_count(payload); i++) {
         if (!send(p) || !chunk_say(payload, i, &p->chunk, &p->batch))
@@ -180,7 +180,7 @@ static void tell(struct playback *p, arthron_Trouble_Kind kind, arthron_Why_Code
     p->item.message.trouble.has_why = true;
     reply_why(code, NULL, &p->item.message.trouble.why);
     snprintf(p->item.message.trouble.text, sizeof p->item.message.trouble.text, "%.255s", trouble);
-    if (say(p, &p->item))
+    if (say_item(p, &p->item))
         send(p);
 }
 
@@ -189,7 +189,7 @@ static void fail_with(struct playback *p, arthron_Trouble_Kind kind, arthron_Why
     tell(p, kind, code, why);
     p->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
     p->item.message.progress.done = true;
-    say(p, &p->item);
+    say_item(p, &p->item);
 }
 
 // ---- the thread ---------------------------------------------------------------------------------
@@ -215,7 +215,7 @@ static enum result play(struct playback *p, struct error *err) {
     }
     bool blind =
         config->is_blind && config->is_blind(config->user, &p->turn.account, p->watch.session);
-    struct replay_sink sink = {p, say, say_mesh, &p->item, blind};
+    struct replay_sink sink = {p, say_item, say_payload, &p->item, blind};
     return replay_stream_run(p->live->sessions, &p->watch, &sink, err);
 }
 
@@ -250,7 +250,7 @@ static struct playback *take_turn(struct live_server *live) {
     return turn ? (struct playback *)((char *)turn - offsetof(struct playback, turn)) : NULL;
 }
 
-static int64_t run(void *data) {
+static int64_t run_playback(void *data) {
     struct live_server *live = data;
     atomic_fetch_sub(&live->playbacks_called, 1);
     for (struct playback *p; (p = take_turn(live)); release(&p)) {
@@ -269,6 +269,7 @@ void playback_start(struct playback *p) {
     if (atomic_load(&live->playbacks_called) == PLAYBACK_THREADS)
         return;
     atomic_fetch_add(&live->playbacks_called, 1);
-    bool taken = task_pool_add(live->playbacks, &(struct pool_task){.run = run, .data = live});
+    bool taken =
+        task_pool_add(live->playbacks, &(struct pool_task){.run = run_playback, .data = live});
     CHECK(taken);
 }

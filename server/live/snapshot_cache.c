@@ -15,7 +15,7 @@
 
 // ---- moments ------------------------------------------------------------------------------------
 
-static void take(struct live_server *live, int station, int64_t now_ns) {
+static void take_snapshot(struct live_server *live, int station, int64_t now_ns) {
     struct station_cache *s = &live->cache[station];
     struct station_status status;
     sessions_status(live->sessions, station, &status);
@@ -41,7 +41,7 @@ void cache_refresh(struct live_server *live, int station, int64_t now_ns, int64_
     struct station_cache *s = &live->cache[station];
     if (s->taken_ns && now_ns - s->taken_ns < age_ns)
         return;
-    take(live, station, now_ns);
+    take_snapshot(live, station, now_ns);
     if (s->moment.step && (s->moment.session != s->item_session || s->moment.step != s->item_step))
         encode(live, station);
 }

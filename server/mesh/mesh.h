@@ -56,6 +56,10 @@ static inline struct box box_around(struct box a, struct box b) {
 }
 
 // The mesh must have a vertex.
+static inline void box_include(struct box *box, vec3 p) {
+    *box = box_around(*box, (struct box){p, p});
+}
+
 struct box mesh_bounds(const struct mesh *mesh);
 
 // Signed volume enclosed (mm³) by the divergence theorem; positive where triangles face outwards.

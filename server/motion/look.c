@@ -5,7 +5,7 @@
 
 static const double look_distances[] = {18, 22, 14, 26, 10, 30}; // to what the scope looks at, mm
 
-static bool is_planned(const struct case_group *group, vec3 p) {
+static bool is_planned_at(const struct case_group *group, vec3 p) {
     for (int i = 0; i < group->lesion.plan.part_count; i++)
         if (convex_contains(&group->lesion.plan.parts[i], p))
             return true;
@@ -19,7 +19,7 @@ static vec3 sight_of(const struct case_group *group) {
     int count = 0;
     for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
         vec3 p = mesh_vertex(&group->mesh, v);
-        if (is_planned(group, p)) {
+        if (is_planned_at(group, p)) {
             sum = vec3_add(sum, p);
             count++;
         }

@@ -17,7 +17,7 @@ static const double trace_step = 0.1;  // between points of the traced line, mm
 
 // ---- the plan over the arc ----------------------------------------------------------------------
 
-static bool is_planned(const struct resection *r, double along, double depth) {
+static bool is_planned_depth(const struct resection *r, double along, double depth) {
     double inward = arc_width(r->arc, along) - depth, lower, upper;
     arc_heights(r->arc, along, inward, &lower, &upper);
     vec3 p = arc_point(r->arc, (struct arc_place){along, inward, (lower + upper) / 2});
@@ -30,7 +30,7 @@ static bool is_planned(const struct resection *r, double along, double depth) {
 static double planned_depth(const struct resection *r, double along) {
     double depth = 0;
     for (double d = 0.1; d < arc_width(r->arc, along); d += 0.1)
-        if (is_planned(r, along, d))
+        if (is_planned_depth(r, along, d))
             depth = d;
     return depth;
 }

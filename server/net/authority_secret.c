@@ -27,14 +27,14 @@
 #define BLOCKS 8
 #define PARALLEL 5
 
-static struct authority_key_place place; // set before there are threads
+static struct authority_key_place key_place; // set before there are threads
 
 void authority_place_key(const struct authority_key_place *of_key) {
-    place = *of_key;
+    key_place = *of_key;
 }
 
 static const char *folder(const char *dir) {
-    return place.dir && place.dir[0] ? place.dir : dir;
+    return key_place.dir && key_place.dir[0] ? key_place.dir : dir;
 }
 
 // ---- the passphrase -----------------------------------------------------------------------------
@@ -77,7 +77,7 @@ static enum result read_passphrase(const char *named, struct passphrase *out, st
     return RESULT_OK;
 }
 
-static void forget(struct passphrase *passphrase) {
+static void forget_passphrase(struct passphrase *passphrase) {
     OPENSSL_cleanse(passphrase, sizeof *passphrase);
 }
 
@@ -93,8 +93,8 @@ static int give(char *out, int size, int writing, void *user) {
 
 // ---- reading ------------------------------------------------------------------------------------
 
-static enum result refuse(const char *path, const struct passphrase *passphrase,
-                          struct error *err) {
+static enum result refuse_passphrase(const char *path, const struct passphrase *passphrase,
+                                     struct error *err) {
     if (!passphrase->was_asked_for)
         return fail(err, RESULT_CORRUPT, "%s: it is no private key", path);
     if (passphrase->path[0])
@@ -119,18 +119,18 @@ static enum result read_with(const char *dir, struct passphrase *passphrase, EVP
                     "%s: authority.pem or authority.key is missing or unreadable", folder(dir));
     *out_key = PEM_read_PrivateKey(file, NULL, give, passphrase);
     fclose(file);
-    return *out_key ? RESULT_OK : refuse(path, passphrase, err);
+    return *out_key ? RESULT_OK : refuse_passphrase(path, passphrase, err);
 }
 
 enum result authority_secret_read(const char *dir, EVP_PKEY **out_key, bool *out_encrypted,
                                   struct error *err) {
     struct passphrase passphrase;
     *out_key = NULL;
-    enum result result = read_passphrase(place.passphrase, &passphrase, err);
+    enum result result = read_passphrase(key_place.passphrase, &passphrase, err);
     if (result == RESULT_OK)
         result = read_with(dir, &passphrase, out_key, err);
     *out_encrypted = passphrase.was_asked_for;
-    forget(&passphrase);
+    forget_passphrase(&passphrase);
     return result;
 }
 
@@ -176,12 +176,12 @@ static enum result write_with(const char *dir, EVP_PKEY *key, const char *named,
     if (result == RESULT_OK)
         result = passphrase.path[0] ? write_encrypted(folder(dir), key, &passphrase, err)
                                     : authority_write_key(folder(dir), NAME, key, err);
-    forget(&passphrase);
+    forget_passphrase(&passphrase);
     return result;
 }
 
 enum result authority_secret_write(const char *dir, EVP_PKEY *key, struct error *err) {
-    return write_with(dir, key, place.passphrase ? place.passphrase : "", err);
+    return write_with(dir, key, key_place.passphrase ? key_place.passphrase : "", err);
 }
 
 enum result authority_change_passphrase(const char *dir, const char *passphrase,

@@ -214,8 +214,8 @@ static enum result begin(struct station_enrolment *e, const struct authority_req
     return result == RESULT_OK ? authority_lock(e->dir, false, out_lock, err) : result;
 }
 
-static enum result answer(const struct station_enrolment *e, struct authority_answer *out,
-                          struct error *err) {
+static enum result answer_enrolment(const struct station_enrolment *e, struct authority_answer *out,
+                                    struct error *err) {
     out->certificate_size = sizeof out->certificate_der;
     out->authority_size = sizeof out->authority_der;
     enum result result =
@@ -248,7 +248,7 @@ enum result authority_enrol(const char *dir, const char *code_text,
         close(lock);
     }
     if (result == RESULT_OK)
-        result = answer(&e, out, err);
+        result = answer_enrolment(&e, out, err);
     end(&e);
     OPENSSL_cleanse(&code, sizeof code);
     return result;
@@ -351,7 +351,7 @@ enum result authority_renew(const char *dir, const char *station, const char *se
         close(lock);
     }
     if (result == RESULT_OK)
-        result = answer(&e, out, err);
+        result = answer_enrolment(&e, out, err);
     end(&e);
     return result;
 }

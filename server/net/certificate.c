@@ -10,7 +10,7 @@
 #include <string.h>
 #include <time.h>
 
-#define DAY_S (24L * 3600)
+#define DAY_S INT64_C(86400)
 #define CLOCKS_DIFFER_S DAY_S // a station's clock may be behind
 
 EVP_PKEY *certificate_key(void) {

@@ -171,8 +171,8 @@ static int answer(struct console *console, struct exchange *x, struct lws *socke
     return 0;
 }
 
-static int receive(struct console *console, struct exchange *x, struct lws *socket,
-                   const void *bytes, size_t size) {
+static int receive_exchange(struct console *console, struct exchange *x, struct lws *socket,
+                            const void *bytes, size_t size) {
     bool whole;
     if (x->out_size || x->waits || !console_collect(x, socket, bytes, size, &whole))
         return -1;
@@ -184,7 +184,7 @@ static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void 
     struct console *console = lws_context_user(lws_get_context(socket));
     switch (reason) {
     case LWS_CALLBACK_RECEIVE:
-        return receive(console, user, socket, bytes, size);
+        return receive_exchange(console, user, socket, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
         return console_write(user, socket);
     case LWS_CALLBACK_CLOSED:
@@ -195,14 +195,14 @@ static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void 
     }
 }
 
-static int on_other(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
-                    size_t size) {
+static int on_console_other(struct lws *socket, enum lws_callback_reasons reason, void *user,
+                            void *bytes, size_t size) {
     (void)socket, (void)user, (void)bytes, (void)size;
     return reason == LWS_CALLBACK_HTTP || reason == LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION ? -1
                                                                                             : 0;
 }
 
-static void on_wake(void *user) {
+static void on_console_wake(void *user) {
     end_long_commands(user, false);
 }
 
@@ -236,9 +236,9 @@ static enum result check_path(const char *path, struct error *err) {
     return is_foreign ? console_refuse_user(path, err) : check_folder(path, err);
 }
 
-static enum result listen_at(struct console *console, const char *path, struct error *err) {
+static enum result listen_at_path(struct console *console, const char *path, struct error *err) {
     static const struct lws_protocols protocols[] = {
-        {.name = "other", .callback = on_other},
+        {.name = "other", .callback = on_console_other},
         {.name = WIRE_CONSOLE_SUBPROTOCOL,
          .callback = on_caller,
          .per_session_data_size = sizeof(struct exchange)},
@@ -250,7 +250,7 @@ static enum result listen_at(struct console *console, const char *path, struct e
         .fd_limit_per_thread = CALLERS_MAX,
         .vhost_name = "console",
     };
-    const struct ws_server_handler handler = {.user = console, .on_wake = on_wake};
+    const struct ws_server_handler handler = {.user = console, .on_wake = on_console_wake};
     mode_t before = umask(0177); // the socket is never open to others, not for a moment
     enum result result = ws_server_create(WS_SERVER_LOCAL, &info, &handler, &console->server, err);
     umask(before);
@@ -267,7 +267,7 @@ enum result console_create(const char *socket_path, const struct console_handler
         return result;
     struct console *console = alloc(1, sizeof *console);
     console->handler = *handler;
-    result = listen_at(console, socket_path, err);
+    result = listen_at_path(console, socket_path, err);
     if (result != RESULT_OK) {
         ws_server_destroy(&console->server);
         free(console);

@@ -74,7 +74,7 @@ static void serve_slots(struct control *control, bool all) {
     }
 }
 
-static void on_wake(void *user) {
+static void on_control_wake(void *user) {
     struct control *control = user;
     if (registrar_take_revoked(control->registrar))
         peer_refuse_revoked(control);
@@ -93,7 +93,7 @@ static bool is_empty(void *user) {
 
 // ---- connections --------------------------------------------------------------------------------
 
-static void shut(void *connection) {
+static void shut_connection(void *connection) {
     shutdown(lws_get_socket_fd(connection), SHUT_RDWR); // it then ends like one that the peer ended
 }
 
@@ -177,7 +177,7 @@ static bool pause_reading(struct peer *peer) {
     return pauses;
 }
 
-static int receive(struct peer *peer, const void *bytes, size_t size) {
+static int receive_message(struct peer *peer, const void *bytes, size_t size) {
     int64_t now_ns = clock_now_ns();
     if (peer->closing)
         return 0;
@@ -255,7 +255,7 @@ static int on_peer(struct lws *wsi, enum lws_callback_reasons reason, void *user
         return open_peer(control, user, wsi,
                          !strcmp(lws_get_protocol(wsi)->name, WIRE_ENROL_SUBPROTOCOL));
     case LWS_CALLBACK_RECEIVE:
-        return receive(user, bytes, size);
+        return receive_message(user, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
         return write_next(user);
     case LWS_CALLBACK_WS_PEER_INITIATED_CLOSE:
@@ -270,8 +270,8 @@ static int on_peer(struct lws *wsi, enum lws_callback_reasons reason, void *user
 }
 
 // What is no WebSocket, or names no subprotocol of ours, and what concerns the whole server.
-static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *bytes,
-                    size_t size) {
+static int on_control_other(struct lws *wsi, enum lws_callback_reasons reason, void *user,
+                            void *bytes, size_t size) {
     (void)size;
     struct control *control = lws_context_user(lws_get_context(wsi));
     switch (reason) {
@@ -306,7 +306,7 @@ static void wake(void *user) {
 // ---- life ---------------------------------------------------------------------------------------
 
 static const struct lws_protocols protocols[] = {
-    {.name = "other", .callback = on_other},
+    {.name = "other", .callback = on_control_other},
     {.name = WIRE_SUBPROTOCOL, .callback = on_peer, .per_session_data_size = sizeof(struct peer)},
     {.name = WIRE_ENROL_SUBPROTOCOL,
      .callback = on_peer,
@@ -346,8 +346,8 @@ static enum result listen_at(struct control *control, const struct control_confi
         .vhost_name = "control",
     };
     const struct ws_server_handler handler = {
-        .user = control, .on_wake = on_wake, .on_stop = on_stop, .is_empty = is_empty};
-    control->door = door_create(config->stations, places, shut);
+        .user = control, .on_wake = on_control_wake, .on_stop = on_stop, .is_empty = is_empty};
+    control->door = door_create(config->stations, places, shut_connection);
     return ws_server_create(WS_SERVER_TLS, &info, &handler, &control->server, err);
 }
 

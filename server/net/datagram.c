@@ -164,7 +164,8 @@ struct datagram_counts datagram_counts(const struct datagram_endpoint *endpoint)
 
 // ---- connections and epochs ---------------------------------------------------------------------
 
-static struct datagram_connection *find(const struct datagram_endpoint *endpoint, uint32_t id) {
+static struct datagram_connection *find_connection(const struct datagram_endpoint *endpoint,
+                                                   uint32_t id) {
     struct datagram_connection *c = &endpoint->connections[id & endpoint->mask];
     return c->epoch.to_server && c->id == id ? c : NULL;
 }
@@ -209,7 +210,7 @@ uint32_t datagram_new_id(const struct datagram_endpoint *endpoint, int place) {
 void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection, void *user,
                         int64_t now_ns, arthron_UdpKeys *out_keys) {
     uint8_t number = 0;
-    struct datagram_connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find_connection(endpoint, connection);
     if (c) {
         number = (uint8_t)(c->epoch.number + 1);
         epoch_end(&c->old_epoch);
@@ -229,13 +230,13 @@ void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection,
 
 bool datagram_epoch_is_old(const struct datagram_endpoint *endpoint, uint32_t connection,
                            int64_t now_ns) {
-    const struct datagram_connection *c = find(endpoint, connection);
+    const struct datagram_connection *c = find_connection(endpoint, connection);
     CHECK(c);
     return now_ns - c->epoch.start_ns >= EPOCH_NS || c->epoch.newest >= EPOCH_SEQUENCES;
 }
 
 void datagram_forget(struct datagram_endpoint *endpoint, uint32_t connection) {
-    struct datagram_connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find_connection(endpoint, connection);
     if (!c)
         return;
     epoch_end(&c->epoch);
@@ -299,13 +300,13 @@ static uint64_t note_arrival(struct datagram_connection *c, struct epoch *epoch,
 }
 
 void datagram_challenge_in_replies(struct datagram_endpoint *endpoint, uint32_t connection) {
-    struct datagram_connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find_connection(endpoint, connection);
     CHECK(c);
     c->in_replies = true;
 }
 
 void datagram_confirm(struct datagram_endpoint *endpoint, uint32_t connection, uint64_t challenge) {
-    struct datagram_connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find_connection(endpoint, connection);
     if (!c || !challenge || challenge != c->challenge)
         return;
     c->challenge = 0;
@@ -328,7 +329,7 @@ static bool open_datagram(struct datagram_endpoint *endpoint, const uint8_t *dat
                           int64_t now_ns, struct opened *out) {
     struct seal_header clear;
     bool ours = seal_peek(data, size, &clear) && clear.direction == SEAL_TO_SERVER;
-    out->connection = ours ? find(endpoint, clear.connection) : NULL;
+    out->connection = ours ? find_connection(endpoint, clear.connection) : NULL;
     out->epoch = out->connection ? find_epoch(out->connection, clear.epoch, now_ns) : NULL;
     if (!out->epoch) {
         endpoint->counts.strangers++;
@@ -460,7 +461,7 @@ static uint64_t challenge_for(const struct datagram_connection *c) {
 
 bool datagram_reply(struct datagram_endpoint *endpoint, uint32_t connection,
                     const arthron_Reply *reply) {
-    struct datagram_connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find_connection(endpoint, connection);
     struct question *question = find_question(endpoint, connection, reply->frame_number);
     if (!c || !question)
         return false;

@@ -81,7 +81,7 @@ void door_destroy(struct door **door) {
 
 // ---- places -------------------------------------------------------------------------------------
 
-static struct place *find(struct door *door, const void *connection) {
+static struct place *find_place(struct door *door, const void *connection) {
     for (int i = 0; i < door->places_max; i++)
         if (door->places[i].connection == connection)
             return &door->places[i];
@@ -97,7 +97,7 @@ static void count_shut(struct door *door, const struct source *source) {
     door->shut_source = *source;
 }
 
-static void leave(struct door *door, struct place *place) {
+static void leave_place(struct door *door, struct place *place) {
     if (is_stranger(place)) {
         door->strangers--;
         place->visitor->strangers--;
@@ -106,8 +106,8 @@ static void leave(struct door *door, struct place *place) {
     place->leaves = true;
 }
 
-static void shut(struct door *door, struct place *place) {
-    leave(door, place);
+static void shut_place(struct door *door, struct place *place) {
+    leave_place(door, place);
     count_shut(door, &place->visitor->source);
     door->shut(place->connection);
 }
@@ -159,7 +159,7 @@ static void shut_oldest_stranger_of(struct door *door, const struct visitor *vis
             (!oldest || place->since_ns < oldest->since_ns))
             oldest = place;
     }
-    shut(door, oldest);
+    shut_place(door, oldest);
 }
 
 // ---- strangers ----------------------------------------------------------------------------------
@@ -168,7 +168,7 @@ bool door_let_in(struct door *door, const struct source *source, int64_t now_ns)
     struct visitor *visitor = find_visitor(door, source);
     visitor->seen_ns = now_ns;
     door->next = NULL;
-    if (comes_too_often(door, visitor, now_ns) || !find(door, NULL)) {
+    if (comes_too_often(door, visitor, now_ns) || !find_place(door, NULL)) {
         count_shut(door, source);
         return false;
     }
@@ -181,7 +181,7 @@ bool door_let_in(struct door *door, const struct source *source, int64_t now_ns)
 }
 
 void door_open(struct door *door, void *connection, int64_t now_ns) {
-    struct place *place = find(door, NULL);
+    struct place *place = find_place(door, NULL);
     if (!door->next)
         return;
     *place = (struct place){.connection = connection, .visitor = door->next, .since_ns = now_ns};
@@ -192,16 +192,16 @@ void door_open(struct door *door, void *connection, int64_t now_ns) {
 }
 
 void door_close(struct door *door, const void *connection) {
-    struct place *place = find(door, connection);
+    struct place *place = find_place(door, connection);
     if (!place)
         return;
-    leave(door, place);
+    leave_place(door, place);
     place->visitor->connections--;
     place->connection = NULL;
 }
 
 bool door_may_enrol(struct door *door, const void *connection, int64_t now_ns) {
-    struct place *place = find(door, connection);
+    struct place *place = find_place(door, connection);
     return place &&
            bucket_take(&place->visitor->enrols, ENROLMENTS_PER_S, DOOR_ENROLMENTS_BURST, now_ns);
 }
@@ -236,11 +236,11 @@ static void make_room_for(struct door *door, const char *serial) {
             oldest = place;
     }
     if (count >= DOOR_CERTIFICATE_MAX && oldest)
-        shut(door, oldest);
+        shut_place(door, oldest);
 }
 
 bool door_prove(struct door *door, const void *connection, const char *serial, int64_t now_ns) {
-    struct place *place = find(door, connection);
+    struct place *place = find_place(door, connection);
     struct certificate *certificate = find_certificate(door, serial);
     certificate->seen_ns = now_ns;
     if (!place || place->leaves)
@@ -260,7 +260,7 @@ bool door_prove(struct door *door, const void *connection, const char *serial, i
 }
 
 void door_keep(struct door *door, const void *connection) {
-    struct place *place = find(door, connection);
+    struct place *place = find_place(door, connection);
     if (place)
         place->kept = true;
 }

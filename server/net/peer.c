@@ -15,7 +15,7 @@
 #define SILENCE_BESIDE_DATAGRAMS_NS (60 * NS_PER_S)
 #define RECENT_NS (2 * NS_PER_S)
 #define CLOSING_NS NS_PER_S
-#define DAY_S 86400
+#define DAY_S INT64_C(86400)
 #define ENROL_WAIT_NS (10 * NS_PER_S)
 #define ASKS_PER_S 2 // for meshes
 #define ASKS_BURST 32

@@ -110,7 +110,8 @@ bool registrar_next_answer(struct registrar *r, struct peer **out_applicant,
 }
 
 // What the caller did wrong is told; what is wrong with the server's files is for its log.
-static void refuse(enum result result, const struct error *err, arthron_Control *out_answer) {
+static void refuse_enrolment(enum result result, const struct error *err,
+                             arthron_Control *out_answer) {
     const char *text = err->text;
     bool ours = result != RESULT_REFUSED && result != RESULT_FORMAT;
     if (ours) {
@@ -164,7 +165,7 @@ static int64_t run_application(void *data) {
     if (result == RESULT_OK)
         fill_enrolled(&answer, &a->answer);
     else
-        refuse(result, &err, &a->answer);
+        refuse_enrolment(result, &err, &a->answer);
     return TASK_DONE;
 }
 
@@ -190,7 +191,7 @@ struct tls_credentials *registrar_take_credentials(struct registrar *r) {
 }
 
 // Again where another process holds the keys.
-static int64_t revoke_older(void *data) {
+static int64_t run_revocation(void *data) {
     const struct used_certificate *used = data;
     const struct identity *identity = &used->identity;
     int revoked;
@@ -227,7 +228,8 @@ void registrar_used(struct registrar *r, const struct identity *identity) {
     pthread_mutex_unlock(&r->lock);
     if (used)
         CHECK(task_pool_add(
-            r->tasks, &(struct pool_task){.run = revoke_older, .finish = forget_used, .data = used}));
+            r->tasks,
+            &(struct pool_task){.run = run_revocation, .finish = forget_used, .data = used}));
     else
         log_warning("control",
                     "station %s: older certificates of it stay good until it connects again",

@@ -21,7 +21,7 @@
 
 #define LIVE_MAX 256
 #define SIGN_NS (60 * NS_PER_S)
-#define NICE 5 // workers go first
+#define RECORDER_NICE 5 // workers go first
 
 struct recorder {
     char *records, *traces_dir, *authority;
@@ -148,7 +148,7 @@ static void drop_first(struct recorder *r) {
     waiting_free(first);
 }
 
-static bool should_stop(struct recorder *r) {
+static bool should_recorder_stop(struct recorder *r) {
     pthread_mutex_lock(&r->mutex);
     bool stop = r->stop;
     pthread_mutex_unlock(&r->mutex);
@@ -347,7 +347,7 @@ static bool take_over(struct recorder *r) {
         put_live_again(r);
     else
         tell_failure(r, &err);
-    for (size_t i = 0; result == RESULT_OK && i < paths.count && !should_stop(r); i++)
+    for (size_t i = 0; result == RESULT_OK && i < paths.count && !should_recorder_stop(r); i++)
         taken += recorder_put_trace(r, paths.at[i]);
     if (taken)
         log_info("records", "%s: %zu sessions are taken over from their traces", r->records, taken);
@@ -454,10 +454,10 @@ static bool write_the_rest(struct recorder *r) {
     return wrote && write_all(r);
 }
 
-static void *run(void *argument) {
+static void *run_recorder(void *argument) {
     struct recorder *r = argument;
-    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread
-    while (!should_stop(r)) {
+    setpriority(PRIO_PROCESS, 0, RECORDER_NICE); // Linux: of this thread
+    while (!should_recorder_stop(r)) {
         notice_exchange(r);
         if (!atomic_load(&r->spool_is_read))
             read_spool(r);
@@ -502,7 +502,7 @@ struct recorder *recorder_start(const struct recorder_config *config) {
                                                         .user = config->user,
                                                         .scored = put_score,
                                                         .owner = r});
-    int failed = pthread_create(&r->thread, NULL, run, r);
+    int failed = pthread_create(&r->thread, NULL, run_recorder, r);
     NEED(!failed, "thread");
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     return r;

@@ -19,7 +19,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#define NICE 15
+#define RETENTION_NICE 15
 #define LOOK_S 60
 #define DAY_NS (86400 * NS_PER_S)
 #define ASKED_S 3600
@@ -172,7 +172,7 @@ static bool is_asked(const char *trace) {
     return since_s >= 0 && since_s < ASKED_S;
 }
 
-static bool should_stop(struct retention *r) {
+static bool should_retention_stop(struct retention *r) {
     pthread_mutex_lock(&r->lock);
     bool stop = r->stop;
     pthread_mutex_unlock(&r->lock);
@@ -183,7 +183,7 @@ static bool should_stop(struct retention *r) {
 static uint64_t remove_those(struct retention *r, struct candidates *c, const struct bounds *bounds,
                              uint64_t bytes) {
     struct error err;
-    for (size_t i = 0; i < c->count && !should_stop(r); i++) {
+    for (size_t i = 0; i < c->count && !should_retention_stop(r); i++) {
         struct candidate *one = &c->all[i];
         if (!goes(one, bounds, bytes) || is_asked(one->trace))
             continue;
@@ -251,10 +251,10 @@ static void look(struct retention *r) {
 
 // ---- the thread ---------------------------------------------------------------------------------
 
-static void *run(void *argument) {
+static void *run_retention(void *argument) {
     struct retention *r = argument;
-    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread
-    while (!should_stop(r)) {
+    setpriority(PRIO_PROCESS, 0, RETENTION_NICE); // Linux: of this thread
+    while (!should_retention_stop(r)) {
         look(r);
         int64_t until_ns = clock_now_ns() + LOOK_S * NS_PER_S;
         struct timespec until = {until_ns / NS_PER_S, until_ns % NS_PER_S};
@@ -286,7 +286,7 @@ struct retention *retention_start(const struct retention_config *config) {
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
     pthread_cond_init(&r->stops, &monotonic);
     pthread_condattr_destroy(&monotonic);
-    int failed = pthread_create(&r->thread, NULL, run, r);
+    int failed = pthread_create(&r->thread, NULL, run_retention, r);
     NEED(!failed, "thread");
     return r;
 }

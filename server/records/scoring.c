@@ -9,7 +9,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#define NICE 10 // behind workers; somebody waits for the report
+#define SCORING_NICE 10 // behind workers; somebody waits for the report
 #define IN_A_HURRY_BYTES (64 << 20)
 
 struct scoring {
@@ -47,11 +47,11 @@ static void score(const struct scoring_config *c, const char *trace) {
                   err.text);
 }
 
-static void *run(void *argument) {
+static void *run_scoring(void *argument) {
     struct scoring *s = argument;
     struct waiting *next;
     bool hurry;
-    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread
+    setpriority(PRIO_PROCESS, 0, SCORING_NICE); // Linux: of this thread
     while ((next = next_row(s, &hurry))) {
         if (!hurry || is_small(next->row.trace))
             score(&s->config, next->row.trace);
@@ -65,7 +65,7 @@ struct scoring *scoring_start(const struct scoring_config *config) {
     s->config = *config;
     pthread_mutex_init(&s->mutex, NULL);
     pthread_cond_init(&s->wake, NULL);
-    NEED(!pthread_create(&s->thread, NULL, run, s), "thread");
+    NEED(!pthread_create(&s->thread, NULL, run_scoring, s), "thread");
     return s;
 }
 

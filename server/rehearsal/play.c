@@ -44,7 +44,7 @@ static void land(struct play *play, int64_t time_ns) {
     job_result_destroy(&result);
 }
 
-static void add(struct frame *frame, struct sample sample) {
+static void add_sample(struct frame *frame, struct sample sample) {
     sample.time_ns = frame->time_ns;
     frame->samples[frame->count++] = sample;
 }
@@ -52,19 +52,20 @@ static void add(struct frame *frame, struct sample sample) {
 static void add_tool(struct frame *frame, enum channel channel,
                      const struct motion_tool_state *state) {
     bool runs = channel == CHANNEL_SHAVER && state->opening > 0;
-    add(frame, (struct sample){
-                   .channel = channel, .kind = SAMPLE_POSE, .T_mockup_body = state->T_mockup_tip});
-    add(frame, (struct sample){.channel = channel,
-                               .kind = SAMPLE_HANDLE,
-                               .handle = {state->opening, runs ? 1 : 0}});
+    add_sample(frame, (struct sample){.channel = channel,
+                                      .kind = SAMPLE_POSE,
+                                      .T_mockup_body = state->T_mockup_tip});
+    add_sample(frame, (struct sample){.channel = channel,
+                                      .kind = SAMPLE_HANDLE,
+                                      .handle = {state->opening, runs ? 1 : 0}});
 }
 
 static void play_row(struct play *play, const struct motion *motion, size_t row, int64_t time_ns) {
     const struct motion_row *r = &motion->rows[row];
     struct session_input input = {
         .kind = INPUT_FRAME, .time_ns = time_ns, .frame = {.number = row + 1, .time_ns = time_ns}};
-    add(&input.frame,
-        (struct sample){.channel = CHANNEL_JOINT, .kind = SAMPLE_JOINT, .joint = r->joint});
+    add_sample(&input.frame,
+               (struct sample){.channel = CHANNEL_JOINT, .kind = SAMPLE_JOINT, .joint = r->joint});
     for (int i = 0; i < motion->tool_count; i++)
         add_tool(&input.frame, motion->tools[i].channel, &r->tools[i]);
     step(play, &input);

@@ -29,8 +29,8 @@ static bool is_planned(const struct case_group *group, vec3 p) {
     return false;
 }
 
-static void add(struct remains *r, const struct case_group *group, const struct solid *solid,
-                vec3 p, uint32_t *hint) {
+static void add_point(struct remains *r, const struct case_group *group, const struct solid *solid,
+                      vec3 p, uint32_t *hint) {
     if (solid_distance(solid, p, hint) >= 0)
         return;
     r->points[r->count] = p;
@@ -52,8 +52,8 @@ static void fill(struct remains *r, const struct case_group *group, const struct
     for (int i = 0; i < wide; i++)
         for (int k = 0; k < deep; k++)
             for (int l = 0; l < high; l++)
-                add(r, group, solid, vec3_add(low, (vec3){spacing * i, spacing * k, spacing * l}),
-                    &hint);
+                add_point(r, group, solid,
+                          vec3_add(low, (vec3){spacing * i, spacing * k, spacing * l}), &hint);
 }
 
 enum result remains_init(struct remains *r, const struct case_group *group, const struct mesh *now,

@@ -8,9 +8,9 @@
 
 #define SETTLE_S 0.4
 
-static const struct stance stances[] = {{10, 8, 0}, {25, 8, 0},  {45, 8, 0},  {5, 8, 0},
-                                        {70, 8, 0}, {10, -8, 0}, {90, -8, 0}, {45, -8, 0}};
-#define STANCE_COUNT ((int)(sizeof stances / sizeof *stances))
+static const struct stance surgeon_stances[] = {{10, 8, 0}, {25, 8, 0},  {45, 8, 0},  {5, 8, 0},
+                                                {70, 8, 0}, {10, -8, 0}, {90, -8, 0}, {45, -8, 0}};
+#define SURGEON_STANCE_COUNT ((int)(sizeof surgeon_stances / sizeof *surgeon_stances))
 
 // First bites that keep off what is not planned and are worth the time, then what is left.
 static const struct care { double beyond_price, least_mm3; } cares[] = {{1.5, 2.5}, {0.7, 1}};
@@ -99,7 +99,7 @@ static void find_bites(struct surgeon *s) {
     qsort(s->bites, (size_t)s->bite_count, sizeof *s->bites, by_score);
 }
 
-static void aim(const struct surgeon *s, struct bite *bite) {
+static void aim_bite(const struct surgeon *s, struct bite *bite) {
     const struct hand *hand = plan_hand(&s->p->plan, CHANNEL_PUNCH);
     bite->tip =
         forecast_aim(s->forecast, &s->p->plan, hand, RAD_PER_DEG * bite->roll_deg, bite->tip);
@@ -113,7 +113,7 @@ static bool choose(struct surgeon *s, struct bite *out) {
     *out = (struct bite){.score = 0};
     for (int i = 0; i < s->bite_count && i < LOOKS && reached < REACHED; i++) {
         struct bite bite = s->bites[i];
-        aim(s, &bite);
+        aim_bite(s, &bite);
         if (!plan_bites_at(&s->p->plan, hand, bite.tip))
             continue;
         reached++;
@@ -219,8 +219,8 @@ static bool stand(struct surgeon *s, const struct stance *stance) {
 }
 
 static void resect(struct surgeon *s) {
-    for (int i = 0; i < STANCE_COUNT && !is_met(s) && !is_enough(s); i++)
-        if (stand(s, &stances[i]))
+    for (int i = 0; i < SURGEON_STANCE_COUNT && !is_met(s) && !is_enough(s); i++)
+        if (stand(s, &surgeon_stances[i]))
             for (s->care = cares; s->care < cares + CARE_COUNT; s->care++)
                 bite_on(s);
     int first = s->p->script->step_count;

@@ -2,8 +2,8 @@
 
 #include "rehearsal/forecast.h"
 
-static void look_at(struct motion_script *script, const struct knee_case *knee,
-                    const struct case_loose *loose, double distance) {
+static void look_at_loose(struct motion_script *script, const struct knee_case *knee,
+                          const struct case_loose *loose, double distance) {
     struct motion_step *step =
         add_named(script, MOTION_LOOK, CHANNEL_SCOPE, body_name(loose->body));
     if (!step)
@@ -14,7 +14,7 @@ static void look_at(struct motion_script *script, const struct knee_case *knee,
 }
 
 // The hand aims at where the scope shows it.
-static vec3 aim(struct planner *p, int index) {
+static vec3 aim_at(struct planner *p, int index) {
     enum body body = p->knee->loose[index].body;
     const struct hand *hand = plan_hand(&p->plan, CHANNEL_FIRST_DESCRIBED);
     const struct case_group *bone = case_group(p->knee, body_name(body));
@@ -28,7 +28,7 @@ static vec3 aim(struct planner *p, int index) {
 static bool take_one(struct planner *p, int index, double distance) {
     const struct case_loose *loose = &p->knee->loose[index];
     int first = p->script->step_count;
-    look_at(p->script, p->knee, loose, distance);
+    look_at_loose(p->script, p->knee, loose, distance);
     add_named(p->script, MOTION_APPROACH, CHANNEL_FIRST_DESCRIBED, p->portals[1]);
     if (!plan_from(p, first))
         return false;
@@ -39,7 +39,7 @@ static bool take_one(struct planner *p, int index, double distance) {
     if (!step)
         return false;
     step->is_free = true;
-    step->from.at = aim(p, index);
+    step->from.at = aim_at(p, index);
     return plan_from(p, first);
 }
 

@@ -15,8 +15,8 @@
 #define STEP_MM 3.0 // of the depth
 #define DEEPEST_MM 80.0
 
-static const double rolls_deg[] = {0, 30, -30, 60, -60, 90, -90};
-#define ROLL_COUNT ((int)(sizeof rolls_deg / sizeof *rolls_deg))
+static const double view_rolls_deg[] = {0, 30, -30, 60, -60, 90, -90};
+#define VIEW_ROLL_COUNT ((int)(sizeof view_rolls_deg / sizeof *view_rolls_deg))
 
 struct seeking {
     const struct planner *p;
@@ -95,8 +95,8 @@ static void try_tip(struct seeking *s, vec3 tip) {
     double away = vec3_distance(tip, s->middle);
     if (away > s->most_mm + s->radius_mm || away < s->least_mm - s->radius_mm)
         return;
-    for (int r = 0; r < ROLL_COUNT; r++) {
-        double roll = rolls_deg[r];
+    for (int r = 0; r < VIEW_ROLL_COUNT; r++) {
+        double roll = view_rolls_deg[r];
         if (!isnan(s->goal->upright_deg) && fabs(roll) > SHARE * s->goal->upright_deg)
             continue;
         pose T = plan_tool_pose(&s->p->plan, s->hand, tip, RAD_PER_DEG * roll);

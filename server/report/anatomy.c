@@ -2,11 +2,11 @@
 
 #include <string.h>
 
-#define CREASE_DEG 40
+#define ANATOMY_CREASE_DEG 40
 #define SIGHT_MM 62.0   // from the joint's centre: beyond, shafts may run out of the picture
 #define EYE_HEIGHTS 4.0 // heights of the picture from which it is seen
 
-static const struct colour background = {1, 1, 1};
+static const struct colour anatomy_background = {1, 1, 1};
 
 // ---- views ----
 
@@ -74,7 +74,7 @@ static bool is_inside(const struct case_region *region, vec3 p) {
     return false;
 }
 
-static struct colour paint(const void *context, const struct render_spot *spot) {
+static struct colour paint_anatomy(const void *context, const struct render_spot *spot) {
     const struct case_group *group = context;
     if (is_inside(&group->lesion.tear, spot->point))
         return (struct colour){0.55, 0.05, 0.08};
@@ -100,9 +100,9 @@ static void shown_add(struct shown_groups *shown, const struct case_group *group
     shown->surfaces[shown->count++] = (struct render_surface){
         .mesh = mesh,
         .T_world_mesh = T_femur_body,
-        .crease_deg = CREASE_DEG,
+        .crease_deg = ANATOMY_CREASE_DEG,
         .opacity = case_group_is_skin(group) ? 0.25 : 1,
-        .paint = paint,
+        .paint = paint_anatomy,
         .paint_context = group,
     };
 }
@@ -110,11 +110,6 @@ static void shown_add(struct shown_groups *shown, const struct case_group *group
 static void shown_fini(struct shown_groups *shown) {
     for (int i = 0; i < shown->count; i++)
         mesh_fini(&shown->meshes[i]);
-}
-
-static void box_include(struct box *box, vec3 p) {
-    box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
-    box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
 }
 
 static struct box box_about(const struct shown_groups *shown, vec3 centre) {
@@ -158,7 +153,7 @@ enum result anatomy_picture(const struct knee_case *knee, const struct anatomy_v
         struct camera camera =
             camera_fit(&box, from_of(view->view, knee->joint.side), views[view->view].up,
                        (double)width / height, EYE_HEIGHTS);
-        struct render_scene scene = {shown.surfaces, shown.count, camera, background};
+        struct render_scene scene = {shown.surfaces, shown.count, camera, anatomy_background};
         result = render(&scene, width, height, out_picture, err);
     }
     shown_fini(&shown);

@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-static const char style[] =
+static const char page_style[] =
     "body { font: 16px/1.5 sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em;"
     " color: #222; }\n"
     "h1, h2 { line-height: 1.2; font-weight: 600; }\n"
@@ -29,7 +29,7 @@ void html_begin(FILE *file, const char *title) {
           "<meta name=\"viewport\" content=\"width=device-width\">\n<title>",
           file);
     html_text(file, title);
-    fprintf(file, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<h1>", style);
+    fprintf(file, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<h1>", page_style);
     html_text(file, title);
     fputs("</h1>\n", file);
 }

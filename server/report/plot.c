@@ -16,7 +16,7 @@
 #define VALUE_MAX 1e300
 
 // Inside a page, an element's style is everybody's: hence the prefix.
-static const char style[] =
+static const char plot_css[] =
     "<style>"
     ".plot-paper{fill:#fff}.plot-text{fill:#222}.plot-grid{stroke:#e4e4e4}.plot-frame{stroke:#888}"
     ".plot-band{fill:#f1ead8}.plot-note{fill:#222;stroke:#f1ead8;stroke-width:4;stroke-linejoin:"
@@ -52,7 +52,7 @@ static bool is_value(double value) {
     return fabs(value) < VALUE_MAX; // NaN is not
 }
 
-static double place(const struct axis_scale *scale, double value) {
+static double place_on_axis(const struct axis_scale *scale, double value) {
     return scale->start + scale->along * ((value - scale->min) / (scale->max - scale->min));
 }
 
@@ -176,7 +176,7 @@ static void write_ticks_x(FILE *file, const struct layout *at) {
     double bottom = at->top + at->height;
     char text[32];
     for (double i = first_tick(&at->x); i <= last_tick(&at->x); i++) {
-        double value = i * at->x.step + 0.0, x = place(&at->x, value);
+        double value = i * at->x.step + 0.0, x = place_on_axis(&at->x, value);
         fprintf(file, "<path class=\"plot-grid\" d=\"M%.1f %.1fV%.1f\"/>", x, at->top, bottom);
         write_number(text, sizeof text, value, &at->x);
         text_at(file, "plot-text", x, bottom + ROW_PX, "middle", "", text);
@@ -186,7 +186,7 @@ static void write_ticks_x(FILE *file, const struct layout *at) {
 static void write_ticks_y(FILE *file, const struct layout *at) {
     char text[32];
     for (double i = first_tick(&at->y); i <= last_tick(&at->y); i++) {
-        double value = i * at->y.step + 0.0, y = place(&at->y, value);
+        double value = i * at->y.step + 0.0, y = place_on_axis(&at->y, value);
         fprintf(file, "<path class=\"plot-grid\" d=\"M%.1f %.1fH%.1f\"/>", at->left, y,
                 at->left + at->width);
         write_number(text, sizeof text, value, &at->y);
@@ -215,7 +215,7 @@ static bool band_area(const struct plot_band *band, const struct layout *at,
     double from = fmax(band->from, scale->min), to = fmin(band->to, scale->max);
     if (isnan(band->from) || isnan(band->to) || !(from < to))
         return false;
-    double a = place(scale, from), b = place(scale, to);
+    double a = place_on_axis(scale, from), b = place_on_axis(scale, to);
     *out_area = band->of_y ? (struct area){at->left, b, at->width, a - b}
                            : (struct area){a, at->top, b - a, at->height};
     return true;
@@ -252,7 +252,7 @@ static size_t write_run(FILE *file, const struct plot_line *line, size_t i,
     while (is_point(line, i + count))
         count++;
     if (count < 2) {
-        write_dot(file, place(&at->x, line->x[i]), place(&at->y, line->y[i]));
+        write_dot(file, place_on_axis(&at->x, line->x[i]), place_on_axis(&at->y, line->y[i]));
         return count;
     }
     fputs("<path d=\"", file);
@@ -261,7 +261,7 @@ static size_t write_run(FILE *file, const struct plot_line *line, size_t i,
                 k == 0   ? "M"
                 : k == 1 ? "L"
                          : " ",
-                place(&at->x, line->x[i + k]), place(&at->y, line->y[i + k]));
+                place_on_axis(&at->x, line->x[i + k]), place_on_axis(&at->y, line->y[i + k]));
     fputs("\"/>", file);
     return count;
 }
@@ -281,7 +281,7 @@ static void write_line(FILE *file, const struct plot_line *line, const struct la
         if (!is_point(line, i))
             continue;
         if (line->style == PLOT_POINTS)
-            write_dot(file, place(&at->x, line->x[i]), place(&at->y, line->y[i]));
+            write_dot(file, place_on_axis(&at->x, line->x[i]), place_on_axis(&at->y, line->y[i]));
         else
             i += write_run(file, line, i, at) - 1;
     }
@@ -299,7 +299,8 @@ struct label {
 static bool label_of(const struct plot_line *line, const struct layout *at, struct label *out) {
     for (size_t i = line->count; i-- > 0;)
         if (is_point(line, i) && is_within(&at->x, line->x[i]) && is_within(&at->y, line->y[i])) {
-            *out = (struct label){line, place(&at->x, line->x[i]), place(&at->y, line->y[i])};
+            *out = (struct label){line, place_on_axis(&at->x, line->x[i]),
+                                  place_on_axis(&at->y, line->y[i])};
             return true;
         }
     return false;
@@ -404,7 +405,7 @@ void plot_write(FILE *file, const struct plot *plot) {
     write_text(file, plot->title);
     fputs("</title>\n<desc>", file);
     write_text(file, plot->description);
-    fprintf(file, "</desc>\n%s<rect class=\"plot-paper\" width=\"%d\" height=\"%d\"/>\n", style,
+    fprintf(file, "</desc>\n%s<rect class=\"plot-paper\" width=\"%d\" height=\"%d\"/>\n", plot_css,
             plot->width, plot->height);
     text_at(file, "plot-text", LEGEND_LEFT, 22, "start", " font-weight=\"bold\"", plot->title);
     for (int i = 0; i < plot->band_count; i++)

@@ -31,7 +31,7 @@ static struct strip_scale scale_of(const struct strip *s) {
 }
 
 // Where all are one value, in the middle.
-static double place(const struct strip_scale *scale, double value) {
+static double place_on_strip(const struct strip_scale *scale, double value) {
     double share = scale->span > 0 ? (0.5 * value - scale->least) / scale->span : 0.5;
     return MARGIN_PX + share * (WIDTH_PX - 2 * MARGIN_PX);
 }
@@ -39,7 +39,7 @@ static double place(const struct strip_scale *scale, double value) {
 static void write_box(FILE *file, const struct strip *s, const struct strip_scale *scale) {
     double q[5];
     for (int i = 0; i < 5; i++)
-        q[i] = place(scale, strip_quantile(s->values, s->count, 0.25 * i));
+        q[i] = place_on_strip(scale, strip_quantile(s->values, s->count, 0.25 * i));
     fprintf(file,
             "<path d=\"M%.1f %.1fH%.1f\" stroke=\"currentColor\" opacity=\"0.6\"/>"
             "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"currentColor\" "
@@ -63,7 +63,7 @@ void strip_write(FILE *file, const struct strip *s) {
         fprintf(file,
                 "<circle cx=\"%.1f\" cy=\"%g\" r=\"2\" fill=\"currentColor\" "
                 "fill-opacity=\"0.55\"/>",
-                place(&scale, s->values[i]), MIDDLE_PX);
+                place_on_strip(&scale, s->values[i]), MIDDLE_PX);
     fprintf(file, "<path d=\"M%.1f 1l5 6-5 6-5-6z\" fill=\"#d55e00\"/></svg>",
-            place(&scale, s->mark));
+            place_on_strip(&scale, s->mark));
 }

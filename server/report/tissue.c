@@ -2,10 +2,10 @@
 
 #include "case/tissue.h"
 
-#define CREASE_DEG 35
+#define TISSUE_CREASE_DEG 35
 #define LINE_SHARE 0.0013 // a line's radius, of the picture's height
 
-static const struct colour background = {1, 1, 1};
+static const struct colour tissue_background = {1, 1, 1};
 static const struct colour cut = {0.93, 0.60, 0.50};
 static const struct colour displaced = {0.47, 0.10, 0.62};
 
@@ -14,7 +14,7 @@ static struct colour colour_between(struct colour a, struct colour b, double sha
                            a.b + share * (b.b - a.b)};
 }
 
-static struct colour paint(const void *context, const struct render_spot *spot) {
+static struct colour paint_tissue(const void *context, const struct render_spot *spot) {
     const struct tissue_look *look = context;
     if (look->labels && look->labels[spot->triangle])
         return cut;
@@ -35,9 +35,9 @@ enum result tissue_picture(const struct tissue_look *look, const struct camera *
     const struct render_surface surfaces[] = {
         {.mesh = look->mesh,
          .T_world_mesh = pose_identity(),
-         .crease_deg = CREASE_DEG,
+         .crease_deg = TISSUE_CREASE_DEG,
          .opacity = 1,
-         .paint = paint,
+         .paint = paint_tissue,
          .paint_context = look},
         {.mesh = &lines,
          .T_world_mesh = pose_identity(),
@@ -45,7 +45,7 @@ enum result tissue_picture(const struct tissue_look *look, const struct camera *
          .opacity = 1,
          .colour = displaced},
     };
-    struct render_scene scene = {surfaces, 2, *camera, background};
+    struct render_scene scene = {surfaces, 2, *camera, tissue_background};
     enum result result = render(&scene, width, height, out_picture, err);
     mesh_fini(&lines);
     return result;

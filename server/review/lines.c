@@ -125,7 +125,7 @@ struct lines_reader {
     struct moment at;
 };
 
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_lines_step(void *user, const struct trace_record *record) {
     struct lines_reader *r = user;
     r->at.s = (double)(record->output.time_ns - r->first_ns) / (double)NS_PER_S;
     r->at.order = r->at.s / r->all_s;
@@ -144,7 +144,7 @@ static bool on_elsewhere(void *user, const struct trace_record *record) {
 }
 
 // Of a state that cannot be read, nothing is told.
-static bool on_state(void *user, const struct trace_state *state) {
+static bool on_lines_state(void *user, const struct trace_state *state) {
     struct lines_reader *r = user;
     struct kept kept = state_section(state, STATE_METRICS);
     metrics_take_over(r->metrics, &kept);
@@ -152,7 +152,7 @@ static bool on_state(void *user, const struct trace_state *state) {
 }
 
 // The server was killed: what was between is not known.
-static bool on_resume(void *user, int64_t utc_ns) {
+static bool on_lines_resume(void *user, int64_t utc_ns) {
     struct lines_reader *r = user;
     (void)utc_ns;
     metrics_interrupt(r->metrics);
@@ -172,11 +172,11 @@ enum result report_lines_read(struct trace_reader *reader, const struct survey *
                              .first_ns = survey->first_ns,
                              .all_s = fmax(survey_seconds(survey), 1e-9)};
     struct trace_player player = {.user = &r,
-                                  .step = on_step,
+                                  .step = on_lines_step,
                                   .past = on_elsewhere,
                                   .taken = on_elsewhere,
-                                  .state = on_state,
-                                  .resume = on_resume,
+                                  .state = on_lines_state,
+                                  .resume = on_lines_resume,
                                   .progress = progress};
     lines_init(lines);
     if (trace_play(reader, &player, err) == RESULT_IO)

@@ -71,7 +71,7 @@ static void count_touch(const struct touch_change *touch, struct survey *s) {
     s->touch_bytes += touch ? touch->size : 0;
 }
 
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_survey_step(void *user, const struct trace_record *record) {
     count_input(&record->input, user);
     count_output(&record->output, user);
     count_touch(record->touch, user);
@@ -95,7 +95,7 @@ static bool on_taken(void *user, const struct trace_record *record) {
     return true;
 }
 
-static bool on_state(void *user, const struct trace_state *state) {
+static bool on_survey_state(void *user, const struct trace_state *state) {
     struct survey *s = user;
     struct metrics metrics;
     struct kept kept = state_section(state, STATE_METRICS);
@@ -113,7 +113,7 @@ static bool on_gap(void *user, uint64_t missing) {
     return true;
 }
 
-static bool on_resume(void *user, int64_t utc_ns) {
+static bool on_survey_resume(void *user, int64_t utc_ns) {
     struct survey *s = user;
     s->written_utc_ns = utc_ns;
     s->resumes++;
@@ -162,12 +162,12 @@ static bool on_marker(void *user, const struct marker *marker) {
 
 void survey_read(struct trace_reader *reader, survey_progress progress, struct survey *s) {
     struct trace_player player = {.user = s,
-                                  .step = on_step,
+                                  .step = on_survey_step,
                                   .past = on_past,
                                   .taken = on_taken,
-                                  .state = on_state,
+                                  .state = on_survey_state,
                                   .gap = on_gap,
-                                  .resume = on_resume,
+                                  .resume = on_survey_resume,
                                   .fault = on_fault,
                                   .remark = on_remark,
                                   .marker = on_marker,

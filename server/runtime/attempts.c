@@ -15,7 +15,7 @@ void attempts_announce(struct worker *worker, const struct station_runtime *stat
     control_send(*worker->runtime->config.control, station->connection.peer, &message);
 }
 
-static void tell(struct worker *worker, struct station_runtime *station) {
+static void tell_attempt(struct worker *worker, struct station_runtime *station) {
     struct live_attempt *shown = &station->attempt_shown;
     shown->session = station->session->serial;
     shown->news++;
@@ -40,7 +40,7 @@ static bool end(struct worker *worker, struct station_runtime *station, bool las
     attempt_outcome(attempt, &outcome);
     if (!trace_append_ended(station->session->trace, &outcome) && !last)
         return false;
-    tell(worker, station);
+    tell_attempt(worker, station);
     station->session->attempt = NULL;
     give_back(worker, station, attempt);
     return true;
@@ -65,7 +65,7 @@ void attempts_begin(struct worker *worker, struct station_runtime *station) {
         attempts_announce(worker, station);
         return;
     }
-    tell(worker, station);
+    tell_attempt(worker, station);
     if (attempt->attempt.end != ATTEMPT_RUNS) // the server was killed before it could say so
         end(worker, station, false);
 }
@@ -83,8 +83,8 @@ static void prepare(struct worker *worker, struct station_runtime *station) {
         step_without_frame(worker, station, INPUT_PAUSE);
 }
 
-static bool begin(struct worker *worker, struct station_runtime *station,
-                  struct session_attempt *attempt) {
+static bool begin_attempt(struct worker *worker, struct station_runtime *station,
+                          struct session_attempt *attempt) {
     struct session_runtime *session = station->session;
     struct trace_attempt begun;
     if (!worker_may_serve(worker) || !session || session->serial != attempt->session ||
@@ -103,13 +103,13 @@ static bool begin(struct worker *worker, struct station_runtime *station,
     }
     session->attempts++;
     session->attempt = attempt;
-    tell(worker, station);
+    tell_attempt(worker, station);
     return true;
 }
 
 bool attempts_take(struct worker *worker, struct station_runtime *station,
                    struct session_attempt *attempt) {
-    bool taken = begin(worker, station, attempt);
+    bool taken = begin_attempt(worker, station, attempt);
     if (!taken)
         give_back(worker, station, attempt);
     return taken;
@@ -145,5 +145,5 @@ void attempts_step(struct worker *worker, struct station_runtime *station,
     if (attempt->attempt.end != ATTEMPT_RUNS)
         end(worker, station, output->state == SESSION_CLOSED);
     else if (news.goals_met || news.errors || is_first)
-        tell(worker, station);
+        tell_attempt(worker, station);
 }

@@ -19,7 +19,7 @@
 #define TASKS_LEAST 1024
 #define TASKS_EACH 16
 #define MESH_REQUESTS_MAX 1024
-#define NICE 10
+#define CUT_NICE 10
 
 enum task_kind { TASK_OPEN, TASK_RUN, TASK_KEEP, TASK_RELEASE, TASK_CLOSE };
 
@@ -92,7 +92,7 @@ static void publish_tissues(struct cut_worker *c, int index) {
     pthread_mutex_unlock(&station->tissues_lock);
 }
 
-static void notify(struct cut_worker *c, const struct runtime_notice *notice) {
+static void notify_runtime(struct cut_worker *c, const struct runtime_notice *notice) {
     bool pushed = ring_push(c->notices, notice);
     CHECK(pushed);
     c->worker->runtime->config.notify(c->worker->runtime->config.user);
@@ -103,7 +103,7 @@ static void open_session(struct cut_worker *c, const struct cut_task *task) {
     own->session = task->session;
     mesh_sender_open(&own->sender, *c->worker->runtime->config.control, task->session, &c->starts);
     publish_tissues(c, task->station);
-    notify(c, &(struct runtime_notice){.kind = NOTICE_OPENED,
+    notify_runtime(c, &(struct runtime_notice){.kind = NOTICE_OPENED,
                                        .station = task->station,
                                        .session = task->session->serial});
 }
@@ -167,7 +167,7 @@ static void close_session(struct cut_worker *c, const struct cut_task *task) {
     own->session = NULL;
     if (task->end != END_HANDED_OVER && task->session->trace_file[0])
         keeper_remove(c->worker->runtime->keeper, task->session->trace_file);
-    notify(c, &(struct runtime_notice){.kind = NOTICE_ENDED,
+    notify_runtime(c, &(struct runtime_notice){.kind = NOTICE_ENDED,
                                        .station = task->station,
                                        .session = task->session->serial,
                                        .ended = task->session,
@@ -269,10 +269,10 @@ static void take_round(struct cut_worker *c) {
 static void lower_priority(void) {
     struct sched_param none = {0};
     sched_setscheduler(0, SCHED_BATCH, &none);
-    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread
+    setpriority(PRIO_PROCESS, 0, CUT_NICE); // Linux: of this thread
 }
 
-static void *work(void *argument) {
+static void *run_cut_worker(void *argument) {
     struct cut_worker *c = argument;
     struct pollfd fd = {.fd = c->wake_fd, .events = POLLIN};
     lower_priority();
@@ -317,7 +317,7 @@ struct cut_worker *cut_worker_create(struct worker *worker) {
     pthread_mutex_init(&c->said_lock, NULL);
     for (int i = 0; i < c->count; i++)
         mesh_inbox_init(&c->stations[i].inbox);
-    int failed = pthread_create(&c->thread, NULL, work, c);
+    int failed = pthread_create(&c->thread, NULL, run_cut_worker, c);
     NEED(!failed, "thread");
     return c;
 }
@@ -358,31 +358,31 @@ void cut_worker_destroy(struct cut_worker **cut_worker) {
 
 // ---- what the other threads call ----------------------------------------------------------------
 
-static void give(struct cut_worker *c, const struct cut_task *task) {
+static void give_task(struct cut_worker *c, const struct cut_task *task) {
     bool pushed = ring_push(c->tasks, task);
     CHECK(pushed);
     wake_fd(c->wake_fd);
 }
 
 void cut_worker_open(struct cut_worker *c, int station, struct session_runtime *session) {
-    give(c, &(struct cut_task){.kind = TASK_OPEN, .station = station, .session = session});
+    give_task(c, &(struct cut_task){.kind = TASK_OPEN, .station = station, .session = session});
 }
 
 void cut_worker_run(struct cut_worker *c, int station, uint64_t session, const struct job *job) {
-    give(c,
-         &(struct cut_task){.kind = TASK_RUN, .station = station, .serial = session, .job = job});
+    give_task(
+        c, &(struct cut_task){.kind = TASK_RUN, .station = station, .serial = session, .job = job});
 }
 
 void cut_worker_keep(struct cut_worker *c, int station, uint64_t session,
                      struct session_image *image) {
-    give(c, &(struct cut_task){
-                .kind = TASK_KEEP, .station = station, .serial = session, .image = image});
+    give_task(c, &(struct cut_task){
+                     .kind = TASK_KEEP, .station = station, .serial = session, .image = image});
 }
 
 void cut_worker_close(struct cut_worker *c, int station, struct session_runtime *session,
                       enum session_end end) {
-    give(c, &(struct cut_task){
-                .kind = TASK_CLOSE, .station = station, .session = session, .end = end});
+    give_task(c, &(struct cut_task){
+                     .kind = TASK_CLOSE, .station = station, .session = session, .end = end});
 }
 
 bool cut_worker_take(struct cut_worker *c, int *out_station, uint64_t *out_session,

@@ -25,7 +25,7 @@ static uint64_t settle_to(struct frame_order *order, uint64_t number) {
     return lost;
 }
 
-static void begin(struct frame_order *order, uint64_t number, int64_t now_ns) {
+static void begin_order(struct frame_order *order, uint64_t number, int64_t now_ns) {
     *order = (struct frame_order){
         .newest = number, .settled = number, .mark = number, .mark_ns = now_ns};
 }
@@ -37,7 +37,7 @@ enum frame_place frame_order_note(struct frame_order *order, uint64_t number, in
         (order->newest && number > order->newest && number - order->newest > FRAME_ORDER_JUMP_MAX))
         return FRAME_WRONG;
     if (!order->newest) {
-        begin(order, number, now_ns);
+        begin_order(order, number, now_ns);
         return FRAME_NEWEST;
     }
     bool newest = number > order->newest;

@@ -10,7 +10,7 @@
 #include <sys/resource.h>
 #include <time.h>
 
-#define NICE 15
+#define KEEPER_NICE 15
 #define TRIES 100 // until the trace is written so far
 static const struct timespec try_again = {.tv_nsec = 20 * NS_PER_MS};
 
@@ -60,9 +60,9 @@ static void write_image(struct keeper *k, struct session_image *image) {
     atomic_store(&image->busy, false);
 }
 
-static void *work(void *argument) {
+static void *run_keeper(void *argument) {
     struct keeper *k = argument;
-    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread
+    setpriority(PRIO_PROCESS, 0, KEEPER_NICE); // Linux: of this thread
     pthread_mutex_lock(&k->lock);
     while (k->first || !k->stop) {
         struct keeper_task *task = k->first;
@@ -91,7 +91,7 @@ struct keeper *keeper_create(const struct runtime_config *config) {
     k->end = &k->first;
     pthread_mutex_init(&k->lock, NULL);
     pthread_cond_init(&k->work, NULL);
-    int failed = pthread_create(&k->thread, NULL, work, k);
+    int failed = pthread_create(&k->thread, NULL, run_keeper, k);
     NEED(!failed, "thread");
     return k;
 }
@@ -128,7 +128,7 @@ void session_image_destroy(struct session_image **image) {
 
 // ---- what others give it ------------------------------------------------------------------------
 
-static void give(struct keeper *k, struct session_image *image, const char *trace) {
+static void give_image(struct keeper *k, struct session_image *image, const char *trace) {
     struct keeper_task *task = alloc(1, sizeof *task);
     task->image = image;
     memcpy(task->trace, trace, sizeof task->trace);
@@ -140,9 +140,9 @@ static void give(struct keeper *k, struct session_image *image, const char *trac
 }
 
 void keeper_write(struct keeper *k, struct session_image *image) {
-    give(k, image, image->trace);
+    give_image(k, image, image->trace);
 }
 
 void keeper_remove(struct keeper *k, const char *trace) {
-    give(k, NULL, trace);
+    give_image(k, NULL, trace);
 }

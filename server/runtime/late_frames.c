@@ -77,7 +77,7 @@ static void keep_newer(struct late_frames *late, const struct sample *sample) {
     late->count += i == late->count;
 }
 
-static struct sample *find(struct frame *frame, const struct sample *like) {
+static struct sample *find_sample(struct frame *frame, const struct sample *like) {
     for (int i = 0; i < frame->count; i++)
         if (is_same(&frame->samples[i], like))
             return &frame->samples[i];
@@ -88,7 +88,7 @@ static struct sample *find(struct frame *frame, const struct sample *like) {
 static void add_newer(struct late_frames *late, struct frame *frame, int64_t hold_ns) {
     for (int i = 0; i < late->count; i++) {
         const struct sample *sample = &late->newer[i];
-        if (!find(frame, sample) && frame->count < FRAME_SAMPLES_MAX &&
+        if (!find_sample(frame, sample) && frame->count < FRAME_SAMPLES_MAX &&
             frame->time_ns - sample->time_ns <= hold_ns)
             frame->samples[frame->count++] = *sample;
     }

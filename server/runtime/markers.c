@@ -10,7 +10,7 @@
 #define MARKERS_BURST 256
 #define DONE_HELD_NS NS_PER_S
 #define DONE_FRESH_NS (NS_PER_S / 2) // a press that comes later has waited, and its release may too
-#define AHEAD_NS NS_PER_S            // a time of the future that is no error of the clocks
+#define MARKER_AHEAD_NS NS_PER_S     // a time of the future that is no error of the clocks
 
 void markers_join(struct station_runtime *station) {
     station->marking.holds = false;
@@ -52,7 +52,7 @@ static bool is_known(const struct marking *m, const struct marker *marker) {
 static bool is_of_session(const struct station_runtime *station, const struct marker *marker) {
     return trace_takes_markers(station->session->trace) &&
            marker->time_ns >= station->session->snapshots.start_ns &&
-           marker->time_ns <= step_now_ns(station) + AHEAD_NS;
+           marker->time_ns <= step_now_ns(station) + MARKER_AHEAD_NS;
 }
 
 // What waited somewhere tells how long the pedal was held once it is released.
@@ -92,7 +92,7 @@ static bool record(struct worker *worker, struct station_runtime *station,
 }
 
 // False: the owner of the sessions has too much to do.
-static bool tell(struct worker *worker, struct station_runtime *station) {
+static bool tell_marker(struct worker *worker, struct station_runtime *station) {
     struct marking *m = &station->marking;
     if (m->tells && !ring_push(station->marked, &m->recorded))
         return false;
@@ -133,7 +133,7 @@ static bool next_one(struct station_runtime *station) {
 void markers_take(struct worker *worker, struct station_runtime *station) {
     struct marking *m = &station->marking;
     acknowledge(worker, station);
-    while (tell(worker, station) && next_one(station)) {
+    while (tell_marker(worker, station) && next_one(station)) {
         if (!bucket_take(&m->rate, MARKERS_HZ, MARKERS_BURST, clock_now_ns()) ||
             !take(worker, station, &m->held))
             return;

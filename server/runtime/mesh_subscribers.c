@@ -25,7 +25,8 @@ void mesh_subscribers_fini(struct mesh_subscribers *list) {
 }
 
 // The place of a mailbox, or a free one for NULL; NULL where there is none.
-static struct mesh_subscriber *find(struct mesh_subscribers *list, const struct mailbox *mailbox) {
+static struct mesh_subscriber *find_subscriber(struct mesh_subscribers *list,
+                                               const struct mailbox *mailbox) {
     for (int i = 0; i < MESH_SUBSCRIBERS_MAX; i++)
         if (list->all[i].mailbox == mailbox)
             return &list->all[i];
@@ -37,8 +38,8 @@ void mesh_subscribers_take(struct mesh_subscribers *list, const struct mesh_requ
     drop_left(list);
     if (mailbox_is_left(request->mailbox))
         return;
-    struct mesh_subscriber *subscriber = find(list, request->mailbox);
-    if (!subscriber && (subscriber = find(list, NULL)))
+    struct mesh_subscriber *subscriber = find_subscriber(list, request->mailbox);
+    if (!subscriber && (subscriber = find_subscriber(list, NULL)))
         subscriber->mailbox = mailbox_hold(request->mailbox);
     if (subscriber)
         subscriber->mismatch = request->mismatch;

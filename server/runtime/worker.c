@@ -324,7 +324,7 @@ static void begin_real_time(struct worker *worker) {
                  REAL_TIME_PRIORITY);
 }
 
-static void *work(void *argument) {
+static void *run_worker(void *argument) {
     struct worker *worker = argument;
     struct pollfd fds[2] = {
         {.fd = datagram_fd(worker->endpoint), .events = POLLIN},
@@ -386,7 +386,7 @@ enum result worker_start(struct runtime *runtime, int index, struct error *err) 
     worker->due = alloc((size_t)stations, sizeof *worker->due);
     worker->image = session_image_create();
     worker->cut_worker = cut_worker_create(worker);
-    int failed = pthread_create(&worker->thread, NULL, work, worker);
+    int failed = pthread_create(&worker->thread, NULL, run_worker, worker);
     NEED(!failed, "thread");
     return RESULT_OK;
 }

@@ -63,8 +63,7 @@ static bool is_running(struct sessions *s, int station, struct live_attempt *out
 }
 
 static bool is_exam_running(struct sessions *s, int station, struct live_attempt *out) {
-    return is_running(s, station, out) &&
-           out->state.purpose == arthron_AttemptState_Purpose_EXAM;
+    return is_running(s, station, out) && out->state.purpose == arthron_AttemptState_Purpose_EXAM;
 }
 
 bool attempts_exam_runs(struct sessions *s, int station) {
@@ -137,7 +136,7 @@ static bool look_up(const struct sessions *s, int station, const struct station_
 }
 
 // From here on the attempt is the worker's.
-static bool give(struct sessions *s, int station, struct session_attempt *attempt,
+static bool give_attempt(struct sessions *s, int station, struct session_attempt *attempt,
                  arthron_CommandReply *reply) {
     struct station_slot *slot = &s->slots[station];
     uint64_t ticket = station_slot_new_ticket(slot);
@@ -181,7 +180,7 @@ bool attempts_begin_command(struct sessions *s, int station, const arthron_Comma
     struct session_attempt *attempt = &open->runtime;
     attempt->session = status.about.serial;
     if (take_site(s, &status, station, file, attempt, reply))
-        return give(s, station, attempt, reply);
+        return give_attempt(s, station, attempt, reply);
     attempts_free(&attempt);
     return false;
 }
@@ -223,9 +222,8 @@ bool attempts_leave_command(struct sessions *s, int station, const arthron_Comma
 // ---- intervene ----------------------------------------------------------------------------------
 
 // An exam that was taken away meanwhile has nothing to be flagged.
-static enum result flag_exam(struct sessions *s, int station,
-                             const arthron_AttemptState *attempt, const char *reason,
-                             struct error *err) {
+static enum result flag_exam(struct sessions *s, int station, const arthron_AttemptState *attempt,
+                             const char *reason, struct error *err) {
     struct station_status status;
     struct store *store = NULL;
     int64_t exam;
@@ -233,8 +231,8 @@ static enum result flag_exam(struct sessions *s, int station,
     enum result result = store_open(s->config.records, STORE_THERE, "server", &store, err);
     if (result != RESULT_OK)
         return result;
-    result = find_place(s, &status, store, attempt->task, (enum attempt_hand)attempt->hand, &exam,
-                        err);
+    result =
+        find_place(s, &status, store, attempt->task, (enum attempt_hand)attempt->hand, &exam, err);
     if (result == RESULT_OK)
         result = store_add_intervention(store, exam, reason, err);
     store_close(&store);
@@ -282,7 +280,8 @@ enum result attempts_restore(const struct sessions *s, int scene, const struct t
 
 // ---- its end ------------------------------------------------------------------------------------
 
-static void log_end(const struct sessions *s, int station, const struct session_attempt *a) {
+static void log_attempt_end(const struct sessions *s, int station,
+                            const struct session_attempt *a) {
     struct trace_outcome outcome;
     attempt_outcome(a, &outcome);
     log_info("sessions", "station %s: attempt %u at %s: %s, %s after %.1f s, %u errors",
@@ -300,7 +299,7 @@ static void put_row(struct sessions *s, const struct open_attempt *open) {
 
 void attempts_release(struct sessions *s, int station, struct session_attempt *attempt) {
     if (attempt->number) {
-        log_end(s, station, attempt);
+        log_attempt_end(s, station, attempt);
         put_row(s, (const struct open_attempt *)attempt);
     }
     attempts_free(&attempt);

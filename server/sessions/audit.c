@@ -2,8 +2,8 @@
 
 #include <stdio.h>
 
-static void note(struct sessions *s, const char *actor, const char *action, const char *station,
-                 const char *case_name, const char *session) {
+static void note_action(struct sessions *s, const char *actor, const char *action,
+                        const char *station, const char *case_name, const char *session) {
     char subject[STORE_TEXT_MAX];
     snprintf(subject, sizeof subject, "station %s%s%s%s%s", station, *case_name ? " case " : "",
              case_name, *session ? " session " : "", session);
@@ -11,7 +11,7 @@ static void note(struct sessions *s, const char *actor, const char *action, cons
 }
 
 void audit_server(struct sessions *s, int station, const char *action, const char *session_id) {
-    note(s, "", action, station_name(s, station), "", session_id);
+    note_action(s, "", action, station_name(s, station), "", session_id);
 }
 
 void audit_command(struct sessions *s, const char *actor, const char *action,
@@ -22,5 +22,5 @@ void audit_command(struct sessions *s, const char *actor, const char *action,
     if (command->kind == arthron_Command_Kind_STOP || info->state != arthron_SessionState_CLOSED)
         for (int i = 0; i < 16; i++)
             snprintf(id + 2 * i, 3, "%02x", info->id[i]);
-    note(s, actor, action, command->station, case_name, id);
+    note_action(s, actor, action, command->station, case_name, id);
 }

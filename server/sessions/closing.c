@@ -14,7 +14,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define NICE 10                     // behind workers
+#define CLOSING_NICE 10             // behind workers
 #define AT_THE_END_BYTES (64 << 20) // of a trace that is still closed while the server ends
 
 // ---- how far it goes ----------------------------------------------------------------------------
@@ -28,7 +28,7 @@ struct open_trace {
     enum session_state state; // after the last step
 };
 
-static bool on_record(void *user, const struct trace_record *record) {
+static bool on_closing_record(void *user, const struct trace_record *record) {
     struct open_trace *t = user;
     if (record->type == TRACE_REMARK && record->remark.number > t->remarks)
         t->remarks = record->remark.number;
@@ -46,7 +46,7 @@ static bool is_large(const char *path) {
 // False if it has an end, or cannot get one.
 static bool read_open(const struct sessions *s, const char *path, struct open_trace *out) {
     struct trace_reader *reader;
-    struct trace_player player = {.user = out, .record = on_record};
+    struct trace_player player = {.user = out, .record = on_closing_record};
     *out = (struct open_trace){.sessions = s, .is_large = is_large(path)};
     if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
         return false;
@@ -149,7 +149,7 @@ static int64_t close_all(void *sessions) {
 }
 
 void closing_start(struct sessions *s) {
-    struct task_pool_settings settings = {.threads = 1, .tasks_max = 1, .nice = NICE};
+    struct task_pool_settings settings = {.threads = 1, .tasks_max = 1, .nice = CLOSING_NICE};
     s->closing = task_pool_create(&settings);
     task_pool_add(s->closing, &(struct pool_task){.run = close_all, .data = s});
 }

@@ -142,8 +142,8 @@ static const char *in_the_way(const struct station_status *status, const char *t
 }
 
 // An own session goes on. One of nobody makes way.
-static bool take_station(struct sessions *s, int station, const char *trainee,
-                         arthron_CommandReply *reply) {
+static bool take_station_command(struct sessions *s, int station, const char *trainee,
+                                 arthron_CommandReply *reply) {
     struct station_slot *slot = &s->slots[station];
     struct station_status status;
     station_slot_status(slot, &status);
@@ -199,7 +199,7 @@ static void copy_session(struct sessions *s, int station, const arthron_Command 
 
 // ---- commands -----------------------------------------------------------------------------------
 
-static bool has_session(struct sessions *s, int station, arthron_CommandReply *reply) {
+static bool check_session(struct sessions *s, int station, arthron_CommandReply *reply) {
     struct station_status status;
     station_slot_status(&s->slots[station], &status);
     return status.phase != SLOT_EMPTY ||
@@ -208,8 +208,8 @@ static bool has_session(struct sessions *s, int station, arthron_CommandReply *r
 }
 
 // Who called an instructor has one.
-static void note(struct sessions *s, const char *actor, const arthron_Command *command, int station,
-                 arthron_CommandReply *reply) {
+static void note_command(struct sessions *s, const char *actor, const arthron_Command *command,
+                         int station, arthron_CommandReply *reply) {
     if (remark_command(s, station, actor, &command->remark, reply))
         station_slot_set_help(&s->slots[station], 0);
 }
@@ -246,7 +246,7 @@ static bool intervenes(const arthron_Command *command) {
 static void command_session(struct sessions *s, const char *actor, const arthron_Command *command,
                             int station, arthron_CommandReply *reply) {
     // A trainee waits for no other's session, and meanwhile it may have become another's.
-    if (!is_theirs(s, station, command->trainee, reply) || !has_session(s, station, reply) ||
+    if (!is_theirs(s, station, command->trainee, reply) || !check_session(s, station, reply) ||
         !course_open(s, station, reply) || !is_theirs(s, station, command->trainee, reply) ||
         refuse_help(s, station, command, reply))
         return;
@@ -257,7 +257,7 @@ static void command_session(struct sessions *s, const char *actor, const arthron
     else if (command->kind == arthron_Command_Kind_UNDO)
         ask_for_undo(s, station, reply);
     else if (command->kind == arthron_Command_Kind_NOTE)
-        note(s, actor, command, station, reply);
+        note_command(s, actor, command, station, reply);
     else if (command->kind == arthron_Command_Kind_BEGIN)
         attempts_begin_command(s, station, command, reply);
     else if (command->kind == arthron_Command_Kind_LEAVE)
@@ -280,7 +280,7 @@ static void command_station(struct sessions *s, const char *actor, const arthron
     } else if (command->kind == arthron_Command_Kind_ASSIGN) {
         assign(s, station, command->trainee, reply);
     } else if (command->kind == arthron_Command_Kind_TAKE) {
-        take_station(s, station, command->trainee, reply);
+        take_station_command(s, station, command->trainee, reply);
     } else {
         command_session(s, actor, command, station, reply);
     }

@@ -22,7 +22,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define NICE 10 // behind workers; somebody waits for it
+#define FORK_NICE 10 // behind workers; somebody waits for it
 
 struct fork {
     struct sessions *sessions;
@@ -35,8 +35,8 @@ struct fork {
 
 // ---- which trace --------------------------------------------------------------------------------
 
-static enum result find_trace(const struct sessions *s, const char *from,
-                              char out_path[SESSIONS_PATH_MAX], struct error *err) {
+static enum result find_source_trace(const struct sessions *s, const char *from,
+                                     char out_path[SESSIONS_PATH_MAX], struct error *err) {
     struct stat status;
     if (trace_is_id(from))
         return catalogue_find(s->config.traces_dir, from, out_path, SESSIONS_PATH_MAX, err);
@@ -144,7 +144,7 @@ static enum result write_trace(struct fork *f, const char *from, struct error *e
 
 static enum result make(struct fork *f, const char *from, double at_s, struct error *err) {
     char path[SESSIONS_PATH_MAX];
-    enum result result = find_trace(f->sessions, from, path, err);
+    enum result result = find_source_trace(f->sessions, from, path, err);
     if (result == RESULT_OK)
         result = restore_run(f->sessions, path, &at_s, &f->restored, err);
     return f->restored.session ? write_trace(f, path, err) : result;
@@ -158,9 +158,9 @@ struct making {
     struct error *err;
 };
 
-static void *run(void *argument) {
+static void *run_fork(void *argument) {
     struct making *m = argument;
-    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread; workers and cuts go first
+    setpriority(PRIO_PROCESS, 0, FORK_NICE); // Linux: of this thread; workers and cuts go first
     m->result = make(m->fork, m->from, m->at_s, m->err);
     return NULL;
 }
@@ -173,7 +173,7 @@ enum result fork_create(struct sessions *s, int station, const char *from, doubl
     struct making m = {f, from, at_s, RESULT_OK, err};
     pthread_t thread;
     m.result = resources_allow_session(err);
-    if (m.result == RESULT_OK && pthread_create(&thread, NULL, run, &m) == 0)
+    if (m.result == RESULT_OK && pthread_create(&thread, NULL, run_fork, &m) == 0)
         pthread_join(thread, NULL);
     else if (m.result == RESULT_OK)
         m.result = fail(err, RESULT_LIMIT, "the system gives no thread to make the copy");

@@ -17,7 +17,7 @@
 #include <time.h>
 
 #define ROUND_NS NS_PER_S
-#define RETRY_NS NS_PER_S
+#define MANAGER_RETRY_NS NS_PER_S
 #define EXCESS_WARNING 100 // frames a second: a burst after a pause is none
 #define POOL_THREADS 4
 #define POOL_TASKS_EACH 4 // of a station
@@ -91,7 +91,8 @@ static void finish_task(void *data, bool done) {
     if (!done && (task->kind == TASK_RELEASE || task->kind == TASK_ATTEMPT))
         run_task(data);
     else if (!done && task->kind == TASK_OPEN) // the server ends, or has too much to do
-        station_slot_failed(&task->sessions->slots[task->station], clock_now_ns() + RETRY_NS);
+        station_slot_failed(&task->sessions->slots[task->station],
+                            clock_now_ns() + MANAGER_RETRY_NS);
     free(data);
 }
 

@@ -40,7 +40,7 @@ static bool has_session(struct sessions *s, int station) {
 }
 
 // True where the station can be served.
-static bool take(struct sessions *s, int station, uint64_t token) {
+static bool take_session(struct sessions *s, int station, uint64_t token) {
     struct journal_session session = {0};
     struct error err = {0};
     struct journal_reader *reader = journal_reader_create();
@@ -63,12 +63,12 @@ static bool take(struct sessions *s, int station, uint64_t token) {
     return is_known;
 }
 
-static void take_station(struct sessions *s, int station) {
+static void take_moved_station(struct sessions *s, int station) {
     struct shared_station *one = shared(s, station);
     uint64_t token = atomic_load(&one->token);
     atomic_store(&one->takes, false);
     if (!token || atomic_load(&one->ready) == token || sessions_are_ending(s) ||
-        !take(s, station, token))
+        !take_session(s, station, token))
         return;
     cluster_go_on(s->sharing->cluster, station, token);
     atomic_store(&one->ready, token);
@@ -100,7 +100,7 @@ static void run_soon(struct sessions *s, int station,
 
 static void take_soon(struct sessions *s, int station) {
     if (!atomic_exchange(&shared(s, station)->takes, true))
-        run_soon(s, station, take_station);
+        run_soon(s, station, take_moved_station);
 }
 
 static void on_owned(void *user, int station, uint64_t token) {

@@ -16,7 +16,7 @@
 #include <string.h>
 #include <time.h>
 
-#define RETRY_NS (3 * NS_PER_S)
+#define OPENING_RETRY_NS (3 * NS_PER_S)
 
 // ---- the trace ----------------------------------------------------------------------------------
 
@@ -163,7 +163,7 @@ static void tell_failure(struct sessions *s, int station, const struct error *er
 enum result opening_run(struct sessions *s, int station, struct error *err) {
     enum result result = open_session(s, station, err);
     if (result != RESULT_OK) {
-        station_slot_failed(&s->slots[station], clock_now_ns() + RETRY_NS);
+        station_slot_failed(&s->slots[station], clock_now_ns() + OPENING_RETRY_NS);
         tell_failure(s, station, err);
     }
     return result;
@@ -171,7 +171,7 @@ enum result opening_run(struct sessions *s, int station, struct error *err) {
 
 // ---- release ------------------------------------------------------------------------------------
 
-static void log_end(const struct sessions *s, int station, struct trace_status status) {
+static void log_session_end(const struct sessions *s, int station, struct trace_status status) {
     const char *name = station_name(s, station);
     if (status.missing)
         log_error("sessions", "station %s: session ended, %llu of its records could not be written",
@@ -194,7 +194,7 @@ static void close_trace(struct sessions *s, int station, struct open_session *se
                         enum session_end end) {
     struct trace_writer **trace = &session->runtime.trace;
     struct trace_status status = trace_writer_status(*trace);
-    log_end(s, station, status);
+    log_session_end(s, station, status);
     trace_writer_destroy(trace);
     record_end(s, &session->row, status, end == END_DESERTED);
 }

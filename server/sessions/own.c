@@ -16,7 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#define TRIES 3 // to read the list
+#define LIST_TRIES 3 // to read the list
 
 struct own_traces {
     size_t count;
@@ -110,7 +110,7 @@ static void read_list(const struct sessions *s, struct own_traces *own) {
     if (!list_path(s, path))
         return;
     int fault = read_lines(s, own, path);
-    for (int i = 1; fault && i < TRIES; i++) {
+    for (int i = 1; fault && i < LIST_TRIES; i++) {
         nanosleep(&try_again, NULL);
         fault = read_lines(s, own, path);
     }
@@ -124,7 +124,7 @@ static void read_list(const struct sessions *s, struct own_traces *own) {
 
 // ---- those of the records -----------------------------------------------------------------------
 
-static void take(void *user, const struct store_cell *cells, int count) {
+static void take_own(void *user, const struct store_cell *cells, int count) {
     if (count == 1 && cells[0].kind == STORE_TEXT)
         add(user, cells[0].text);
 }
@@ -139,7 +139,7 @@ void own_traces_read(struct sessions *s) {
     read_list(s, own);
     enum result result = store_open(s->config.records, STORE_THERE, "server", &store, &err);
     if (result == RESULT_OK)
-        result = store_open_traces(store, take, own, &err);
+        result = store_open_traces(store, take_own, own, &err);
     store_close(&store);
     if (result == RESULT_OK || result == RESULT_MISSING)
         return;

@@ -214,7 +214,7 @@ static void keep_lasting(struct lasting_records *lasting, const struct trace_rec
     lasting->size += trace_record_pack(record, rules, lasting->bytes + lasting->size);
 }
 
-static bool on_record(void *user, const struct trace_record *record) {
+static bool on_restored_record(void *user, const struct trace_record *record) {
     struct resume_run *r = user;
     struct restored *a = r->restored;
     bool is_kept = record->offset < r->kept;
@@ -260,8 +260,8 @@ static enum result place_at_state(struct resume_run *r) {
 }
 
 // RESULT_MISSING at the end of a trace that was not closed: as it should be.
-static enum result run(struct resume_run *r) {
-    struct trace_player player = {.user = r, .record = on_record};
+static enum result run_restore(struct resume_run *r) {
+    struct trace_player player = {.user = r, .record = on_restored_record};
     enum result end = trace_play(r->reader, &player, r->err);
     if (trace_ends_torn(r->reader) || end == RESULT_OK)
         end = RESULT_MISSING;
@@ -305,7 +305,7 @@ static enum result read_to_end(struct trace_reader *reader, struct error *err) {
 }
 
 // A session that was closed needs no case here, unless it is to go on all the same.
-static enum result refuse(const struct sessions *s, const struct restored *a, const char *path,
+static enum result refuse_restore(const struct sessions *s, const struct restored *a, const char *path,
                           const double *at_s, struct trace_reader *reader, struct error *err) {
     enum result end = at_s ? RESULT_OK : read_to_end(reader, err);
     if (end == RESULT_CLOSED || end == RESULT_IO)
@@ -345,7 +345,7 @@ static enum result run_trace(const struct sessions *s, const char *path, const d
     out->header = *trace_reader_header(reader);
     out->scene = scene_of(s, out->header.case_hash);
     if (out->scene < 0 || out->header.version < TRACE_OLDEST_RESUMED) {
-        result = refuse(s, out, path, at_s, reader, err);
+        result = refuse_restore(s, out, path, at_s, reader, err);
         trace_reader_destroy(&reader);
         return result;
     }
@@ -361,7 +361,7 @@ static enum result run_trace(const struct sessions *s, const char *path, const d
     uint64_t kept = state ? state->place.offset : 0;
     struct resume_run running = {s, out, reader, rerun, kept, path, at_s, false, RESULT_OK, err};
     if (result == RESULT_OK)
-        result = run(&running);
+        result = run_restore(&running);
     if (is_beyond(&running, result))
         result = refuse_beyond(&running);
     if (result == RESULT_MISSING || (at_s && result == RESULT_CLOSED))

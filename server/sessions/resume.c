@@ -24,7 +24,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#define TRIES 3 // of what the system refused
+#define RESUME_TRIES 3 // of what the system refused
 static const struct timespec try_again = {.tv_nsec = 50 * NS_PER_MS};
 
 struct resumed {
@@ -123,11 +123,11 @@ static bool set_marker(const struct resumed *r) {
     return true;
 }
 
-static void clear_marker(const struct resumed *r) {
+static void clear_resumed_marker(const struct resumed *r) {
     char path[SESSIONS_PATH_MAX + 16];
     resume_marker(r->path, path);
     int fault = 1;
-    for (int i = 0; fault && i < TRIES; i++)
+    for (int i = 0; fault && i < RESUME_TRIES; i++)
         fault = unlink(path) && errno != ENOENT ? errno : 0;
     if (fault)
         log_error("sessions", "%s: %s; remove this file, else the next start does not resume it",
@@ -165,12 +165,12 @@ static int64_t resume_one(void *data) {
     if (!set_marker(r))
         return TASK_DONE;
     enum result result = restore_run(r->sessions, r->path, NULL, &r->restored, &err);
-    for (int i = 1; result == RESULT_IO && i < TRIES; i++) {
+    for (int i = 1; result == RESULT_IO && i < RESUME_TRIES; i++) {
         nanosleep(&try_again, NULL);
         restore_fini(&r->restored);
         result = restore_run(r->sessions, r->path, NULL, &r->restored, &err);
     }
-    clear_marker(r);
+    clear_resumed_marker(r);
     if (r->restored.session)
         go_on(r);
     if (result == RESULT_MISSING)

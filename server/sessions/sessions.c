@@ -200,7 +200,7 @@ static bool knows_others(void *user) {
 }
 
 // The traces that go on are locked before the recorder looks for those that do not.
-static void begin(struct sessions *s) {
+static void begin_sessions(struct sessions *s) {
     resume_open_traces(s);
     if (s->config.records[0])
         start_recorder(s);
@@ -265,7 +265,7 @@ enum result sessions_create(const struct sessions_config *config, const atomic_b
     if (result == RESULT_OK)
         result = open_connections(s, err);
     if (result == RESULT_OK)
-        begin(s);
+        begin_sessions(s);
     else
         sessions_destroy(&s);
     *out_sessions = s;
@@ -280,7 +280,7 @@ void sessions_break_off(struct sessions *s) {
         station_slot_break_off(&s->slots[i]);
 }
 
-static void release(struct sessions *s) {
+static void release_all(struct sessions *s) {
     resume_release(s);
     runtime_destroy(&s->runtime);
     grades_destroy(&s->grades);
@@ -303,7 +303,7 @@ static void release(struct sessions *s) {
 // Console and manager first, so that no session begins; then the workers, who end theirs and tell
 // the stations; then the control connections; then the sessions that the workers gave back, and
 // what becomes of them in the records; then what other servers learn of these.
-static void end(struct sessions **sessions, bool hand_over) {
+static void end_sessions(struct sessions **sessions, bool hand_over) {
     struct sessions *s = *sessions;
     sessions_break_off(s);
     retention_stop(&s->retention);
@@ -322,16 +322,16 @@ static void end(struct sessions **sessions, bool hand_over) {
     recorder_stop(&s->recorder);
     sharing_destroy(s);
     need_before_end(NULL, NULL);
-    release(s);
+    release_all(s);
     *sessions = NULL;
 }
 
 void sessions_destroy(struct sessions **sessions) {
-    end(sessions, false);
+    end_sessions(sessions, false);
 }
 
 void sessions_hand_over(struct sessions **sessions) {
-    end(sessions, true);
+    end_sessions(sessions, true);
 }
 
 // ---- what others ask ----------------------------------------------------------------------------

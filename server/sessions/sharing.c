@@ -10,7 +10,7 @@
 
 #define FLUSH_NS (2 * NS_PER_S)
 
-static void on_record(void *user, const struct trace_record *record) {
+static void on_shared_record(void *user, const struct trace_record *record) {
     struct shared_station *one = user;
     cluster_record(one->sessions->sharing->cluster, one->station, record);
 }
@@ -26,12 +26,12 @@ static void create_stations(struct sessions *s, struct sharing *sharing) {
         sharing->names[i] = station_name(s, i);
         one->sessions = s;
         one->station = i;
-        one->tap = (struct trace_tap){on_record, one};
+        one->tap = (struct trace_tap){on_shared_record, one};
         pthread_mutex_init(&one->lock, NULL);
     }
 }
 
-static void release(struct sessions *s, struct sharing *sharing) {
+static void release_sharing(struct sessions *s, struct sharing *sharing) {
     for (int i = 0; i < s->config.station_count; i++)
         pthread_mutex_destroy(&sharing->stations[i].lock);
     pthread_mutex_destroy(&sharing->lock);
@@ -59,7 +59,7 @@ enum result sharing_create(struct sessions *s, const struct cluster_handler *han
     if (s->sharing->cluster)
         cluster_leave_all(s->sharing->cluster);
     cluster_destroy(&s->sharing->cluster);
-    release(s, s->sharing);
+    release_sharing(s, s->sharing);
     s->sharing = NULL;
     return fail_in(err, result, "[cluster] ");
 }
@@ -73,7 +73,7 @@ void sharing_destroy(struct sessions *s) {
     if (!s->sharing)
         return;
     cluster_destroy(&s->sharing->cluster);
-    release(s, s->sharing);
+    release_sharing(s, s->sharing);
     s->sharing = NULL;
 }
 

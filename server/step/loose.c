@@ -180,7 +180,7 @@ static bool is_outside(const struct stepping *s, int i, vec3 at) {
     return vec3_dot(vec3_sub(at, hole), inwards) < 0;
 }
 
-static void drop(struct stepping *s, int i, pose T_mockup) {
+static void drop_loose(struct stepping *s, int i, pose T_mockup) {
     struct loose_one *one = &s->loose->bodies[i];
     struct loose_contact under = nearest_to(s, i, T_mockup);
     enum body body =
@@ -205,7 +205,7 @@ static void hold(struct stepping *s, int i) {
     one->T_mockup.translation = freed(s, i, gripped);
     if (holder->handle.opening > LOOSE_LET_GO_OPENING ||
         vec3_distance(gripped.translation, one->T_mockup.translation) > SLIP_MM)
-        drop(s, i, one->T_mockup);
+        drop_loose(s, i, one->T_mockup);
 }
 
 // ---- grasping -----------------------------------------------------------------------------------

@@ -14,7 +14,7 @@
 
 // ---- whole tissue -------------------------------------------------------------------------------
 
-static void drop(struct checkpoint *checkpoint) {
+static void drop_checkpoint(struct checkpoint *checkpoint) {
     if (checkpoint->cuts)
         tissue_state_release(&checkpoint->state);
     checkpoint->cuts = 0;
@@ -22,7 +22,7 @@ static void drop(struct checkpoint *checkpoint) {
 
 static void forget_cuts(struct operated_tissue *t) {
     for (int i = 0; i < CHECKPOINTS_MAX; i++)
-        drop(&t->checkpoints[i]);
+        drop_checkpoint(&t->checkpoints[i]);
     free(t->cuts);
     t->cuts = NULL;
     t->cut_count = t->cut_room = 0;
@@ -153,7 +153,7 @@ static void note_cut(struct operated_tissue *t, const struct past_cut *cut) {
 static void keep(struct operated_tissue *t, uint32_t cuts, uint32_t stroke) {
     if (cuts < t->checkpoints[0].cuts + CHECKPOINT_EVERY || t->cuts[cuts - 1].stroke == stroke)
         return;
-    drop(&t->checkpoints[CHECKPOINTS_MAX - 1]);
+    drop_checkpoint(&t->checkpoints[CHECKPOINTS_MAX - 1]);
     memmove(t->checkpoints + 1, t->checkpoints, (CHECKPOINTS_MAX - 1) * sizeof *t->checkpoints);
     t->checkpoints[0] = (struct checkpoint){cuts, tissue_state_copy(&t->now)};
 }
@@ -274,7 +274,7 @@ static struct operated_tissue *tissue_cut_last(struct operation *operation) {
 // The tissue as it was after all cuts that are left, but for its figures.
 static void make_again(struct operated_tissue *t) {
     while (t->checkpoints[0].cuts > t->cut_count) {
-        drop(&t->checkpoints[0]);
+        drop_checkpoint(&t->checkpoints[0]);
         memmove(t->checkpoints, t->checkpoints + 1, (CHECKPOINTS_MAX - 1) * sizeof *t->checkpoints);
         t->checkpoints[CHECKPOINTS_MAX - 1] = (struct checkpoint){0};
     }

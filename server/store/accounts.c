@@ -102,8 +102,8 @@ static enum result keep_an_instructor(struct store *store, bool had, struct erro
 }
 
 // Begins a transaction in which the account is found, with nobody signed in to it any more.
-static enum result begin_change(struct store *store, const char *name, int64_t *out_id,
-                                bool *out_had, struct error *err) {
+static enum result begin_account_change(struct store *store, const char *name, int64_t *out_id,
+                                        bool *out_had, struct error *err) {
     enum result result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
@@ -115,8 +115,8 @@ static enum result begin_change(struct store *store, const char *name, int64_t *
     return result == RESULT_OK ? result : store_end(store, result, err);
 }
 
-static enum result end_change(struct store *store, enum result result, const char *action,
-                              int64_t id, bool had, struct error *err) {
+static enum result end_account_change(struct store *store, enum result result, const char *action,
+                                      int64_t id, bool had, struct error *err) {
     if (result == RESULT_OK)
         result = keep_an_instructor(store, had, err);
     if (result == RESULT_OK)
@@ -127,11 +127,11 @@ static enum result end_change(struct store *store, enum result result, const cha
 enum result store_remove_account(struct store *store, const char *name, struct error *err) {
     int64_t id;
     bool had;
-    enum result result = begin_change(store, name, &id, &had, err);
+    enum result result = begin_account_change(store, name, &id, &had, err);
     if (result != RESULT_OK)
         return result;
     result = store_do(store, "DELETE FROM account WHERE id = ?", err, "i", id);
-    return end_change(store, result, "remove", id, had, err);
+    return end_account_change(store, result, "remove", id, had, err);
 }
 
 enum result store_set_role(struct store *store, const char *name, enum store_role role,
@@ -139,12 +139,12 @@ enum result store_set_role(struct store *store, const char *name, enum store_rol
     int64_t id;
     bool had;
     CHECK((unsigned)role < ROLE_COUNT);
-    enum result result = begin_change(store, name, &id, &had, err);
+    enum result result = begin_account_change(store, name, &id, &had, err);
     if (result != RESULT_OK)
         return result;
     result = store_do(store, "UPDATE account SET role = ? WHERE id = ?", err, "ti",
                       store_role_name(role), id);
-    return end_change(store, result, store_role_name(role), id, had, err);
+    return end_account_change(store, result, store_role_name(role), id, had, err);
 }
 
 enum result store_set_password(struct store *store, const char *name, const char *password,
@@ -153,12 +153,12 @@ enum result store_set_password(struct store *store, const char *name, const char
     bool had;
     enum result result = store_check_password(password, err);
     if (result == RESULT_OK)
-        result = begin_change(store, name, &id, &had, err);
+        result = begin_account_change(store, name, &id, &had, err);
     if (result != RESULT_OK)
         return result;
     result =
         store_do(store, "UPDATE account SET password = ? WHERE id = ?", err, "ti", password, id);
-    return end_change(store, result, "password", id, had, err);
+    return end_account_change(store, result, "password", id, had, err);
 }
 
 enum result store_change_password(struct store *store, const struct store_principal *whose,
@@ -167,7 +167,7 @@ enum result store_change_password(struct store *store, const struct store_princi
     bool had;
     enum result result = store_check_password(password, err);
     if (result == RESULT_OK)
-        result = begin_change(store, whose->name, &id, &had, err);
+        result = begin_account_change(store, whose->name, &id, &had, err);
     if (result != RESULT_OK)
         return result;
     result = store_find(store, "SELECT id FROM account WHERE id = ? AND password = ?", &id, err,
@@ -177,7 +177,7 @@ enum result store_change_password(struct store *store, const struct store_princi
     if (result == RESULT_OK)
         result = store_do(store, "UPDATE account SET password = ? WHERE id = ?", err, "ti",
                           password, id);
-    return end_change(store, result, "password", id, had, err);
+    return end_account_change(store, result, "password", id, had, err);
 }
 
 enum result store_rename_account(struct store *store, const char *name, const char *new_name,

@@ -108,8 +108,8 @@ static enum result join_exam(struct store *store, int64_t session_id, const stru
     return result;
 }
 
-static enum result find_session(struct store *store, const char *session, int64_t *out_id,
-                                bool *out_erased, struct error *err) {
+static enum result find_attempt_session(struct store *store, const char *session, int64_t *out_id,
+                                        bool *out_erased, struct error *err) {
     int64_t erased;
     enum result result =
         store_find(store, "SELECT id FROM session WHERE uuid = ?", out_id, err, "t", session);
@@ -159,7 +159,7 @@ enum result store_attempt_add(struct store *store, const struct attempt_row *row
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = find_session(store, row->session, &session_id, &erased, err);
+    result = find_attempt_session(store, row->session, &session_id, &erased, err);
     if (result == RESULT_OK && !erased)
         result = put_new(store, session_id, row, out_new, err);
     if (result == RESULT_OK && !erased && !strcmp(row->purpose, "exam"))

@@ -121,7 +121,7 @@ static void copy_text(sqlite3_stmt *statement, int column, char *out, size_t siz
     snprintf(out, size, "%s", text ? text : "");
 }
 
-enum { ENTRY, ENTRY_HASH = 5, CHAIN, IS_ALONE, IS_OWN };
+enum { AUDIT_ENTRY, ENTRY_HASH = 5, CHAIN, IS_ALONE, IS_OWN };
 
 // The entry in the statement's row follows `head`, which becomes it. The numbers of one chain among
 // several have gaps.
@@ -129,7 +129,7 @@ static enum result check_entry(struct store *store, sqlite3_stmt *statement,
                                struct store_audit_head *head, struct error *err) {
     const char *fields[6] = {head->hash};
     char hash[STORE_HASH_MAX], stored[STORE_HASH_MAX];
-    int64_t entry = sqlite3_column_int64(statement, ENTRY);
+    int64_t entry = sqlite3_column_int64(statement, AUDIT_ENTRY);
     if (entry != head->entry + 1 && sqlite3_column_int(statement, IS_ALONE))
         return fail(err, RESULT_CORRUPT, "%s: entry %lld of the audit log is missing", store->path,
                     (long long)head->entry + 1);
@@ -204,8 +204,8 @@ enum result store_verify_audit(struct store *store, struct store_audit_head *out
 
 // ---- the end of the chain, and its signature ----------------------------------------------------
 
-static enum result read_head(struct store *store, sqlite3_stmt *statement,
-                             struct store_audit_head *out, struct error *err) {
+static enum result read_audit_head(struct store *store, sqlite3_stmt *statement,
+                                   struct store_audit_head *out, struct error *err) {
     int code = sqlite3_step(statement);
     enum result result = RESULT_OK;
     if (code == SQLITE_ROW) {
@@ -230,7 +230,7 @@ enum result store_audit_head(struct store *store, struct store_audit_head *out_h
                       "ORDER BY id DESC LIMIT 1",
                       &statement, err, "");
     if (result == RESULT_OK)
-        result = read_head(store, statement, out_head, err);
+        result = read_audit_head(store, statement, out_head, err);
     return result == RESULT_MISSING ? RESULT_OK : result;
 }
 

@@ -365,8 +365,8 @@ static enum result become(const char *fresh, const char *old, const struct store
 }
 
 // Whether the records there are this member's. What is no such file, is none.
-static enum result is_same(const char *path, const struct store_member *self, bool *out_same,
-                           struct error *err) {
+static enum result is_same_file(const char *path, const struct store_member *self, bool *out_same,
+                                struct error *err) {
     sqlite3 *db = NULL;
     struct error why;
     char *sql = sqlite3_mprintf("SELECT 1 FROM share WHERE server = %Q AND shared_order = %Q AND "
@@ -396,7 +396,7 @@ enum result store_share_load(const char *copy, const char *path, const struct st
     if (result != RESULT_OK)
         return result;
     unlink(fresh);
-    result = is_same(path, self, &same, err);
+    result = is_same_file(path, self, &same, err);
     if (result == RESULT_OK)
         result = read_backup(copy, fresh, path, err);
     if (result == RESULT_OK)

@@ -13,10 +13,10 @@
 _Static_assert(CURRICULUM_CASES_MAX *(2 * STORE_NAME_MAX + 3) < LIST_BYTES, "a list holds cases");
 _Static_assert(CURRICULUM_AFTER_MAX *(2 * ATTEMPT_TASK_MAX + 3) < LIST_BYTES, "a list holds tasks");
 
-static const char *const state_names[] = {"draft", "published", "frozen"};
+static const char *const course_state_names[] = {"draft", "published", "frozen"};
 
 const char *curriculum_state_name(enum curriculum_state state) {
-    return state_names[state];
+    return course_state_names[state];
 }
 
 // ---- checking -----------------------------------------------------------------------------------
@@ -181,13 +181,13 @@ static void take_head(void *user, const struct store_cell *cells, int count) {
     head->out->version = (int)cells[1].integer;
     head->out->changed_utc_ns = cells[3].integer;
     for (int i = 0; i < 3; i++)
-        if (!strcmp(cells[2].text, state_names[i]))
+        if (!strcmp(cells[2].text, course_state_names[i]))
             head->out->state = (enum curriculum_state)i;
 }
 
 // The newest version, or the newest in force; without its tasks.
-static enum result read_head(struct store *store, int64_t course_id, bool in_force,
-                             struct head *head, struct error *err) {
+static enum result read_course_head(struct store *store, int64_t course_id, bool in_force,
+                                    struct head *head, struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(store,
                                        "SELECT id, version, state, changed_utc_ns FROM curriculum "
@@ -207,7 +207,7 @@ enum result store_read_curriculum(struct store *store, const char *course, bool 
         return result;
     result = store_find_named(store, &course_table, course, &course_id, err);
     if (result == RESULT_OK)
-        result = read_head(store, course_id, in_force, &head, err);
+        result = read_course_head(store, course_id, in_force, &head, err);
     if (result == RESULT_OK && out->version)
         result = read_tasks(store, head.id, out, err);
     return store_end(store, result, err);
@@ -216,14 +216,14 @@ enum result store_read_curriculum(struct store *store, const char *course, bool 
 // ---- writing ------------------------------------------------------------------------------------
 
 // Begins a transaction in which `version` is the newest of the course and it is not frozen.
-static enum result begin_change(struct store *store, const char *course, int version,
-                                int64_t *out_course_id, struct curriculum *out_newest,
-                                struct error *err) {
+static enum result begin_course_change(struct store *store, const char *course, int version,
+                                       int64_t *out_course_id, struct curriculum *out_newest,
+                                       struct error *err) {
     struct head head = {.out = out_newest};
     enum result result = store_begin_named(store, &course_table, course, out_course_id, err);
     if (result != RESULT_OK)
         return result;
-    result = read_head(store, *out_course_id, false, &head, err);
+    result = read_course_head(store, *out_course_id, false, &head, err);
     if (result == RESULT_OK && out_newest->version != version)
         result = fail(err, RESULT_REFUSED,
                       "%s: the curriculum of course '%s' has version %d, not %d; read it again",
@@ -234,8 +234,8 @@ static enum result begin_change(struct store *store, const char *course, int ver
     return result == RESULT_OK ? result : store_end(store, result, err);
 }
 
-static enum result put_task(struct store *store, int64_t course_id, int version, int at,
-                            const struct curriculum_task *t, struct error *err) {
+static enum result put_course_task(struct store *store, int64_t course_id, int version, int at,
+                                   const struct curriculum_task *t, struct error *err) {
     char cases[LIST_BYTES], after[LIST_BYTES];
     write_list(t->cases[0], sizeof t->cases[0], t->case_count, cases);
     write_list(t->after[0], sizeof t->after[0], t->after_count, after);
@@ -256,7 +256,7 @@ static enum result remove_draft(struct store *store, int64_t course_id, struct e
 static enum result put_curriculum(struct store *store, int64_t course_id, int version, bool publish,
                                   const struct curriculum_task *tasks, int count,
                                   struct error *err) {
-    const char *state = state_names[publish ? CURRICULUM_PUBLISHED : CURRICULUM_DRAFT];
+    const char *state = course_state_names[publish ? CURRICULUM_PUBLISHED : CURRICULUM_DRAFT];
     enum result result = remove_draft(store, course_id, err);
     if (result == RESULT_OK)
         result = store_do(store,
@@ -264,7 +264,7 @@ static enum result put_curriculum(struct store *store, int64_t course_id, int ve
                           "VALUES (" STORE_NEXT("curriculum") ", ?, ?, ?, ?)",
                           err, "iiti", course_id, (int64_t)version, state, clock_utc_ns());
     for (int i = 0; i < count && result == RESULT_OK; i++)
-        result = put_task(store, course_id, version, i, &tasks[i], err);
+        result = put_course_task(store, course_id, version, i, &tasks[i], err);
     return result == RESULT_OK
                ? store_audit(store, publish ? "publish" : "draft", "course", course_id, err)
                : result;
@@ -277,7 +277,7 @@ enum result store_write_curriculum(struct store *store, const char *course, int 
     struct curriculum *newest = alloc(1, sizeof *newest);
     enum result result = check_tasks(tasks, count, err);
     if (result == RESULT_OK)
-        result = begin_change(store, course, version, &course_id, newest, err);
+        result = begin_course_change(store, course, version, &course_id, newest, err);
     bool is_draft = newest->version && newest->state == CURRICULUM_DRAFT;
     free(newest);
     if (result != RESULT_OK)
@@ -291,7 +291,7 @@ enum result store_freeze_curriculum(struct store *store, const char *course, int
                                     struct error *err) {
     int64_t course_id;
     struct curriculum *newest = alloc(1, sizeof *newest);
-    enum result result = begin_change(store, course, version, &course_id, newest, err);
+    enum result result = begin_course_change(store, course, version, &course_id, newest, err);
     free(newest);
     if (result != RESULT_OK)
         return result;

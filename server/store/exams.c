@@ -26,8 +26,8 @@ static enum result check_plan(const struct exam_plan *plan, struct error *err) {
     return result;
 }
 
-static enum result put_task(struct store *store, int64_t id, int at, const struct exam_task *task,
-                            struct error *err) {
+static enum result put_exam_task(struct store *store, int64_t id, int at,
+                                 const struct exam_task *task, struct error *err) {
     return store_do(store,
                     "INSERT INTO exam_task (exam_id, position, task, knee_case, hand) "
                     "VALUES (?, ?, ?, ?, nullif(?, ''))",
@@ -66,7 +66,7 @@ static enum result put_exam(struct store *store, int64_t trainee_id, const struc
             err, "iitii", course_id, trainee_id, plan->title, plan->seed, clock_utc_ns());
     *out_id = sqlite3_last_insert_rowid(store->db);
     for (int i = 0; i < plan->count && result == RESULT_OK; i++)
-        result = put_task(store, *out_id, i, &plan->tasks[i], err);
+        result = put_exam_task(store, *out_id, i, &plan->tasks[i], err);
     for (int i = 0; i < plan->rater_count && result == RESULT_OK; i++)
         result = put_rater(store, *out_id, plan->raters[i], err);
     return result;

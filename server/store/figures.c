@@ -10,7 +10,7 @@
 
 #define ROUNDING 10 // steps over the range
 
-enum { METRIC, SUBJECT, VERSION, UNIT, VALUE, TRAINEE, CELLS };
+enum { METRIC, SUBJECT, VERSION, UNIT, VALUE, FIGURES_TRAINEE, CELLS };
 
 // Those of one metric, subject, version and unit, which come one after the other.
 struct gathered {
@@ -25,7 +25,7 @@ struct gathered {
     size_t count, room;
 };
 
-static bool is_same(const struct gathered *g, const struct store_cell *cells) {
+static bool is_same_row(const struct gathered *g, const struct store_cell *cells) {
     return !strcmp(g->metric, cells[METRIC].text) && !strcmp(g->subject, cells[SUBJECT].text) &&
            g->version == cells[VERSION].integer && !strcmp(g->unit, cells[UNIT].text);
 }
@@ -97,7 +97,7 @@ static void finish(struct gathered *g) {
 static void gather(void *user, const struct store_cell *cells, int count) {
     struct gathered *g = user;
     CHECK(count == CELLS);
-    if (!is_same(g, cells)) {
+    if (!is_same_row(g, cells)) {
         finish(g);
         snprintf(g->metric, sizeof g->metric, "%s", cells[METRIC].text);
         snprintf(g->subject, sizeof g->subject, "%s", cells[SUBJECT].text);
@@ -108,7 +108,8 @@ static void gather(void *user, const struct store_cell *cells, int count) {
         g->room = 2 * g->room + 64;
         g->figures = alloc_resize(g->figures, g->room, sizeof *g->figures);
     }
-    g->figures[g->count++] = (struct gathered_figure){cells[VALUE].real, cells[TRAINEE].integer};
+    g->figures[g->count++] =
+        (struct gathered_figure){cells[VALUE].real, cells[FIGURES_TRAINEE].integer};
 }
 
 #define FIGURES                                                                                    \

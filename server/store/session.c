@@ -13,7 +13,7 @@
 
 #define OWN "server = (SELECT server FROM share)" // its trace is this server's
 
-static const char *const state_names[] = {"open", "closed", "deserted", "interrupted"};
+static const char *const session_state_names[] = {"open", "closed", "deserted", "interrupted"};
 
 static enum result check_session(const struct store_session *s, struct error *err) {
     enum result result = text_check(s->station, "session's station", sizeof s->station, err);
@@ -120,9 +120,9 @@ static enum result update_session(struct store *store, int64_t id, const struct 
                     "state = iif(state = 'deserted', state, ?), steps = ?, "
                     "missing = ?, trace = ?, trace_xxh3 = ?, trace_hash = nullif(?, ''), part = ?, "
                     "server = (SELECT server FROM share) WHERE id = ?",
-                    err, "itiitttii", s->end_utc_ns, state_names[s->state], (int64_t)s->steps,
-                    (int64_t)s->missing, s->trace, file_hash(s, hash), s->trace_hash,
-                    (int64_t)s->part, id);
+                    err, "itiitttii", s->end_utc_ns, session_state_names[s->state],
+                    (int64_t)s->steps, (int64_t)s->missing, s->trace, file_hash(s, hash),
+                    s->trace_hash, (int64_t)s->part, id);
 }
 
 // A session of one part has it in its own row alone.
@@ -136,9 +136,9 @@ static enum result put_part(struct store *store, int64_t id, const struct store_
     return store_do(store,
                     PUT_PART "VALUES (?, ?, (SELECT server FROM share), nullif(?, 0), ?, ?, ?, ?, "
                              "?, nullif(?, ''))",
-                    err, "iiitiittt", id, (int64_t)s->part, s->end_utc_ns, state_names[s->state],
-                    (int64_t)s->steps, (int64_t)s->missing, s->trace, file_hash(s, hash),
-                    s->trace_hash);
+                    err, "iiitiittt", id, (int64_t)s->part, s->end_utc_ns,
+                    session_state_names[s->state], (int64_t)s->steps, (int64_t)s->missing, s->trace,
+                    file_hash(s, hash), s->trace_hash);
 }
 
 static enum result leave_part(struct store *store, int64_t id, struct error *err) {
@@ -180,7 +180,8 @@ static enum result put_session(struct store *store, session_finder find,
                                const struct store_session *s, const struct store_result *results,
                                int count, struct error *err) {
     int64_t id, part;
-    CHECK((unsigned)s->state < sizeof state_names / sizeof *state_names && s->part > 0);
+    CHECK((unsigned)s->state < sizeof session_state_names / sizeof *session_state_names &&
+          s->part > 0);
     enum result result = check_session(s, err);
     if (result == RESULT_OK)
         result = store_begin(store, err);

@@ -219,7 +219,8 @@ static enum result pass_own(struct store *store, const struct store_change *chan
     return result;
 }
 
-static enum result end_change(struct store *store, int slot, int64_t number, struct error *err) {
+static enum result end_shared_change(struct store *store, int slot, int64_t number,
+                                     struct error *err) {
     return store_do(store,
                     "INSERT OR REPLACE INTO sender (slot, number, pieces, begun) "
                     "VALUES (?, ?, 0, x'')",
@@ -245,7 +246,8 @@ static enum result apply_next(struct store *store, const struct store_change *ch
         return keep_piece(store, change, err);
     result = own ? pass_own(store, change, out_dropped, err)
                  : apply_others(store, change, out_dropped, err);
-    return result == RESULT_OK ? end_change(store, change->slot, change->number, err) : result;
+    return result == RESULT_OK ? end_shared_change(store, change->slot, change->number, err)
+                               : result;
 }
 
 // Traces of this server whose sessions another one removed.

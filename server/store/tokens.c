@@ -26,7 +26,7 @@ static void take_text(sqlite3_stmt *statement, int column, char *out, size_t siz
 }
 
 // The columns of PRINCIPAL, and of store_find_token.
-enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, ENTRY, TOKEN, USED };
+enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TOKEN_TRAINEE, TOKEN_ENTRY, TOKEN, USED };
 
 #define PRINCIPAL                                                                                  \
     "SELECT a.id, a.name, a.role, a.password, t.id, t.name, (SELECT max(id) FROM audit)"
@@ -34,15 +34,15 @@ enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, ENTRY, TOKEN, U
 static void read_principal(sqlite3_stmt *statement, struct store_principal *out) {
     *out = (struct store_principal){.role = ROLE_TRAINEE};
     out->by_account = sqlite3_column_type(statement, ACCOUNT_ID) != SQLITE_NULL;
-    take_text(statement, out->by_account ? ACCOUNT : TRAINEE, out->name, sizeof out->name);
-    take_text(statement, TRAINEE, out->trainee, sizeof out->trainee);
+    take_text(statement, out->by_account ? ACCOUNT : TOKEN_TRAINEE, out->name, sizeof out->name);
+    take_text(statement, TOKEN_TRAINEE, out->trainee, sizeof out->trainee);
     take_text(statement, PASSWORD, out->password, sizeof out->password);
     if (out->by_account)
         store_role_from_name((const char *)sqlite3_column_text(statement, ROLE), &out->role);
     long long account = sqlite3_column_int64(statement, ACCOUNT_ID);
     long long trainee = sqlite3_column_int64(statement, TRAINEE_ID);
     out->number = out->by_account ? account : trainee;
-    out->entry = sqlite3_column_int64(statement, ENTRY);
+    out->entry = sqlite3_column_int64(statement, TOKEN_ENTRY);
     if (sqlite3_column_count(statement) > TOKEN)
         out->token = sqlite3_column_int64(statement, TOKEN);
     if (out->role != ROLE_TRAINEE)

@@ -82,7 +82,7 @@ static void print_help(void) {
          "  --version   shows the version");
 }
 
-static int run(int argc, char **argv) {
+static int run_command(int argc, char **argv) {
     cxx_libraries_use_our_memory();
     json_uses_our_memory();
     instruments_name_channels(instruments_of_hands());
@@ -115,5 +115,5 @@ static int run(int argc, char **argv) {
 }
 
 int main(int argc, char **argv) {
-    return output_end("arthron-case", run(argc, argv));
+    return output_end("arthron-case", run_command(argc, argv));
 }

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char help[] =
+static const char check_help[] =
     "Usage: arthron-case check DIR [--quick] [--report FILE.html] [--dry-run] [--json]\n"
     "\n"
     "Grades a case before a trainee meets it: fit, fit with warnings, or unfit. A server\n"
@@ -57,7 +57,7 @@ static void print_progress(void *context, const char *where, double share) {
     fprintf(stderr, " (%s)\n", where);
 }
 
-static void print_text(const char *dir, const struct case_check *check) {
+static void print_check(const char *dir, const struct case_check *check) {
     static const char *const levels[] = {
         [FINDING_NOTE] = "note", [FINDING_WARNING] = "warning", [FINDING_FAULT] = "fault"};
     for (int i = 0; i < check->findings.count; i++) {
@@ -71,7 +71,7 @@ static void print_text(const char *dir, const struct case_check *check) {
 
 static void print(const struct wanted *wanted, const struct case_check *check, int64_t utc_s) {
     if (!wanted->json) {
-        print_text(wanted->dir, check);
+        print_check(wanted->dir, check);
         return;
     }
     char *text = verdict_text(check, utc_s);
@@ -117,7 +117,7 @@ int command_check(int argc, char **argv) {
     int option;
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         if (option == 'h') {
-            fputs(help, stdout);
+            fputs(check_help, stdout);
             return EXIT_OK;
         }
         if (option == '?')

@@ -284,7 +284,7 @@ static enum result write_sections(const struct check_page *page, struct error *e
 
 // ---- the page -----------------------------------------------------------------------------------
 
-static enum result write_page(const struct check_page *page, struct error *err) {
+static enum result write_check_page(const struct check_page *page, struct error *err) {
     write_grade(page);
     write_findings(page->file, &page->check->findings);
     write_contacts(page);
@@ -306,7 +306,7 @@ enum result check_report(const struct case_check *check, const struct scene *sce
     page.gain_most = fmax(1, ceil(field_gain_within(check->field, MOST)));
     snprintf(title, sizeof title, "Case %s, checked", check->case_or_folder);
     html_begin(page.file, title);
-    enum result result = write_page(&page, err);
+    enum result result = write_check_page(&page, err);
     html_end(page.file);
     bool bad = ferror(page.file);
     if ((fclose(page.file) || bad) && result == RESULT_OK)

@@ -7,7 +7,7 @@
 
 #define CAVITIES_MAX 16
 
-static const char help[] =
+static const char deform_help[] =
     "Usage: arthron-case deform DIR --group NAME... --cavity X,Y,Z,RADIUS,DEPTH... --out DIR\n"
     "\n"
     "Adds cavities to the morph `warp`, which maps the mock-up's surface to the patient's.\n"
@@ -58,7 +58,7 @@ static enum result deform(struct knee_case *knee, const struct deform_request *r
     return case_save(knee, request->out, err);
 }
 
-static int run(const char *dir, const struct deform_request *request) {
+static int run_deform(const char *dir, const struct deform_request *request) {
     struct knee_case *knee;
     struct error err;
     if (case_load(dir, NULL, &knee, &err) != RESULT_OK)
@@ -79,7 +79,7 @@ int command_deform(int argc, char **argv) {
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         switch (option) {
         case 'h':
-            fputs(help, stdout);
+            fputs(deform_help, stdout);
             return EXIT_OK;
         case 'g':
             if (request.group_count == CASE_GROUPS_MAX)
@@ -106,5 +106,5 @@ int command_deform(int argc, char **argv) {
         return usage_error("deform", "one case folder is needed");
     if (!request.group_count || !request.cavity_count || !request.out)
         return usage_error("deform", "--group, --cavity and --out are needed");
-    return run(argv[optind], &request);
+    return run_deform(argv[optind], &request);
 }

@@ -5,7 +5,7 @@
 #include <getopt.h>
 #include <stdio.h>
 
-static const char help[] =
+static const char generate_help[] =
     "Usage: arthron-case generate RECIPE --out DIR\n"
     "\n"
     "Makes a case of a parametric knee. RECIPE is a folder with recipe.ini (cases/healthy), or\n"
@@ -13,7 +13,7 @@ static const char help[] =
     "\n"
     "  --out DIR        write the case here\n";
 
-static int run(const char *path, const char *out) {
+static int run_generate(const char *path, const char *out) {
     struct recipe recipe;
     struct knee_case *knee = NULL;
     struct error err;
@@ -38,7 +38,7 @@ int command_generate(int argc, char **argv) {
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         switch (option) {
         case 'h':
-            fputs(help, stdout);
+            fputs(generate_help, stdout);
             return EXIT_OK;
         case 'o':
             out = optarg;
@@ -51,5 +51,5 @@ int command_generate(int argc, char **argv) {
         return usage_error("generate", "one recipe is needed");
     if (!out)
         return usage_error("generate", "--out is needed");
-    return run(argv[optind], out);
+    return run_generate(argv[optind], out);
 }

@@ -14,7 +14,7 @@
 #define CLIP_MIN_MM 60
 #define CLIP_MAX_MM 900
 
-static const char help[] =
+static const char import_help[] =
     "Usage: arthron-case import --name NAME --group NAME=FILE[@T]... --out DIR [OPTION...]\n"
     "\n"
     "Makes a case from meshes (PLY, OBJ, STL, OFF, VTK, glTF). tibia and femur are needed. Unit,\n"
@@ -192,7 +192,7 @@ static bool take_text(int option, const char *text, struct import_request *reque
     }
 }
 
-static bool take_option(int option, char *text, struct import_request *request) {
+static bool take_import_option(int option, char *text, struct import_request *request) {
     switch (option) {
     case 'u':
         return parse_unit(text, request);
@@ -333,7 +333,7 @@ static void print_next(const struct import_request *request) {
            keeps[request->has_joint][request->portal_count > 0], request->out);
 }
 
-static int run(struct import_request *request) {
+static int run_import(struct import_request *request) {
     struct knee_case *knee = case_create(request->name, request->title);
     struct error err;
     request->judged = json_object();
@@ -371,17 +371,17 @@ int command_import(int argc, char **argv) {
     int option, which = 0;
     while ((option = getopt_long(argc, argv, "", options, &which)) != -1) {
         if (option == 'h') {
-            fputs(help, stdout);
+            fputs(import_help, stdout);
             return EXIT_OK;
         }
         if (option == '?')
             return EXIT_USAGE;
-        if (!take_option(option, optarg, &request))
+        if (!take_import_option(option, optarg, &request))
             return refuse_option(&options[which], optarg);
     }
     if (optind != argc)
         return usage_error("import", "unexpected argument \"%s\"", argv[optind]);
     if (!request.name || !request.source_count || !request.out)
         return usage_error("import", "--name, --group or --parts, and --out are needed");
-    return run(&request);
+    return run_import(&request);
 }

@@ -9,7 +9,7 @@
 #include <jansson.h>
 #include <stdio.h>
 
-static const char help[] =
+static const char info_help[] =
     "Usage: arthron-case info DIR [--json]\n"
     "\n"
     "Prints name, side and hash of a case, the SHA-256 of its content, by which a server's config\n"
@@ -189,7 +189,7 @@ static void print_scan(const struct knee_case *knee) {
     printf("origin of the case in the scan %.3f %.3f %.3f mm\n", origin.x, origin.y, origin.z);
 }
 
-static int print_text(struct knee_case *knee, const char *content) {
+static int print_info_text(struct knee_case *knee, const char *content) {
     vec3 centre = inspect_joint_centre(knee), plateau;
     printf("%s (%s knee)%s%s\nhash %016" PRIx64 "\nsha256 %s\n", knee->name,
            side_name(knee->joint.side), knee->title[0] ? ": " : "", knee->title, knee->hash,
@@ -224,7 +224,7 @@ int command_info(int argc, char **argv) {
     int option;
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         if (option == 'h') {
-            fputs(help, stdout);
+            fputs(info_help, stdout);
             return EXIT_OK;
         }
         if (option != 'j')
@@ -241,7 +241,7 @@ int command_info(int argc, char **argv) {
         case_load(argv[optind], NULL, &knee, &err) != RESULT_OK)
         return failed("info", &err);
     content_hash(files, content);
-    int status = json ? print_json(knee, content) : print_text(knee, content);
+    int status = json ? print_json(knee, content) : print_info_text(knee, content);
     case_destroy(&knee);
     return status;
 }

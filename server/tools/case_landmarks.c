@@ -8,7 +8,7 @@
 
 #define GIVEN_MAX CASE_LANDMARKS_MAX
 
-static const char help[] =
+static const char landmarks_help[] =
     "Usage: arthron-case landmarks DIR [--out DIR] [OPTION...]\n"
     "\n"
     "Proposes joint, paths, landmarks and portals of a knee, and prints them with residuals. They\n"
@@ -106,7 +106,7 @@ static bool take_keep(const char *text, struct landmarks_kept *keep) {
     }
 }
 
-static bool take_option(int option, struct request *request) {
+static bool take_landmarks_option(int option, struct request *request) {
     switch (option) {
     case 'o':
         request->out = optarg;
@@ -216,7 +216,7 @@ static enum result propose(struct knee_case *knee, struct request *request,
     return result == RESULT_OK ? case_validate(knee, err) : result;
 }
 
-static int run(struct request *request) {
+static int run_landmarks(struct request *request) {
     struct knee_case *knee = NULL;
     struct landmarks_said said = {0};
     struct error err;
@@ -249,12 +249,12 @@ int command_landmarks(int argc, char **argv) {
     int option, which = 0;
     while ((option = getopt_long(argc, argv, "", options, &which)) != -1) {
         if (option == 'h') {
-            fputs(help, stdout);
+            fputs(landmarks_help, stdout);
             return EXIT_OK;
         }
         if (option == '?')
             return EXIT_USAGE;
-        if (!take_option(option, &request))
+        if (!take_landmarks_option(option, &request))
             return usage_error("landmarks",
                                "--%s %s: not of the form that --help shows, or given too often",
                                options[which].name, optarg);
@@ -262,5 +262,5 @@ int command_landmarks(int argc, char **argv) {
     if (optind + 1 != argc)
         return usage_error("landmarks", "one case folder is needed");
     request.dir = argv[optind];
-    return run(&request);
+    return run_landmarks(&request);
 }

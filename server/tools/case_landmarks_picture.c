@@ -11,7 +11,7 @@
 
 static const double rod_mm = 1.2, cross_mm = 1.5, shaft_mm = 60, sight_mm = 42;
 static const struct colour by_hand = {0.1, 0.5, 0.9}, proposed = {0.85, 0.1, 0.1},
-                           portal = {0.1, 0.6, 0.2}, bone = {0.93, 0.89, 0.8},
+                           portal_colour = {0.1, 0.6, 0.2}, bone = {0.93, 0.89, 0.8},
                            soft = {0.7, 0.78, 0.85};
 
 struct shot {
@@ -103,7 +103,7 @@ static void add_portals(struct stage *stage, const struct knee_case *knee,
         rods[count++] =
             (struct rod){p->position, vec3_add_scaled(p->position, shaft_mm, p->direction)};
     }
-    add_rods(stage, rods, count, portal);
+    add_rods(stage, rods, count, portal_colour);
 }
 
 static struct camera camera_for(const struct knee_case *knee, const struct shot *shot) {

@@ -81,7 +81,7 @@ void landmarks_print(const struct landmarks_said *said) {
 
 // ---- JSON ---------------------------------------------------------------------------------------
 
-static json_t *vector(vec3 v) {
+static json_t *vector_json(vec3 v) {
     return json_pack("[f, f, f]", v.x, v.y, v.z);
 }
 
@@ -96,8 +96,8 @@ static json_t *json_joint(const struct landmarks_said *said) {
     for (int i = 0; i < COMPARTMENT_COUNT; i++) {
         const struct condyle_fit *fit = &said->joint.condyles[i];
         json_object_set_new(condyles, sides[i],
-                            json_pack("{s:o, s:f, s:f}", "centre", vector(fit->centre), "radius_mm",
-                                      fit->radius_mm, "rms_mm", fit->rms_mm));
+                            json_pack("{s:o, s:f, s:f}", "centre", vector_json(fit->centre),
+                                      "radius_mm", fit->radius_mm, "rms_mm", fit->rms_mm));
     }
     json_object_set_new(joint, "turned_deg", json_real(said->joint.turned_deg));
     json_object_set_new(joint, "moved_mm", json_real(said->joint.moved_mm));
@@ -127,13 +127,13 @@ void landmarks_print_json(const struct landmarks_said *said) {
         const struct case_landmark *l = &knee->landmarks[i];
         json_array_append_new(landmarks,
                               json_pack("{s:s, s:s, s:o, s:f, s:s}", "name", l->name, "body",
-                                        body_name(l->body), "at", vector(l->at), "error_mm",
+                                        body_name(l->body), "at", vector_json(l->at), "error_mm",
                                         l->error_mm, "by", l->by_hand ? "hand" : "proposal"));
     }
     for (int i = 0; i < knee->portal_count; i++) {
         const struct case_portal *p = &knee->portals[i];
-        json_t *row = json_pack("{s:s, s:o, s:o}", "name", p->name, "position", vector(p->position),
-                                "direction", vector(p->direction));
+        json_t *row = json_pack("{s:s, s:o, s:o}", "name", p->name, "position",
+                                vector_json(p->position), "direction", vector_json(p->direction));
         if (said->by_hand[i])
             json_object_set_new(row, "by", json_string("hand"));
         else if (is_proposed(said, i))
@@ -235,7 +235,8 @@ static void write_notes(FILE *file, const struct landmarks_said *said) {
     }
 }
 
-static enum result write_page(FILE *file, const struct landmarks_said *said, struct error *err) {
+static enum result write_landmarks_page(FILE *file, const struct landmarks_said *said,
+                                        struct error *err) {
     char title[CASE_NAME_MAX + 32];
     snprintf(title, sizeof title, "Landmarks of %s", said->knee->name);
     html_begin(file, title);
@@ -253,7 +254,7 @@ enum result landmarks_report(const struct landmarks_said *said, const char *path
     FILE *file = fopen(path, "w");
     if (!file)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    enum result result = write_page(file, said, err);
+    enum result result = write_landmarks_page(file, said, err);
     bool written = !ferror(file);
     if ((fclose(file) != 0 || !written) && result == RESULT_OK)
         result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));

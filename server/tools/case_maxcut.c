@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char help[] =
+static const char maxcut_help[] =
     "Usage: arthron-case maxcut DIR [--group NAME...] [--rim MM] [--out DIR]\n"
     "\n"
     "Makes the morph `maxcut` of menisci anew: the shape that the greatest resection leaves.\n"
@@ -41,8 +41,8 @@ static enum result resect(struct knee_case *knee, const char *name, double rim_m
     return result;
 }
 
-static enum result run(struct knee_case *knee, const struct maxcut_request *request,
-                       struct error *err) {
+static enum result run_maxcut(struct knee_case *knee, const struct maxcut_request *request,
+                              struct error *err) {
     enum result result = RESULT_OK;
     for (int i = 0; i < request->group_count && result == RESULT_OK; i++)
         result = resect(knee, request->groups[i], request->rim_mm, err);
@@ -63,7 +63,7 @@ static int load_and_run(struct maxcut_request *request) {
     if (request->group_count == 0)
         take_menisci(knee, request);
     enum result result = request->group_count > 0
-                             ? run(knee, request, &err)
+                             ? run_maxcut(knee, request, &err)
                              : fail(&err, RESULT_MISSING, "the case has no menisci");
     case_destroy(&knee);
     return result == RESULT_OK ? EXIT_OK : failed("maxcut", &err);
@@ -80,7 +80,7 @@ int command_maxcut(int argc, char **argv) {
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         switch (option) {
         case 'h':
-            fputs(help, stdout);
+            fputs(maxcut_help, stdout);
             return EXIT_OK;
         case 'g':
             if (request.group_count == CASE_GROUPS_MAX)

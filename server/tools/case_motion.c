@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char help[] =
+static const char motion_help[] =
     "Usage: arthron-case motion SCRIPT --case DIR --out FILE.csv\n"
     "\n"
     "Computes the motion of a trainee's hands and of the joint from the anatomy of a case.\n"
@@ -30,7 +30,7 @@ enum result write_motion(const struct motion *motion, const char *path, struct e
     return fail_in(err, result, "%s: ", path);
 }
 
-static int run(const char *path, const char *dir, const char *out) {
+static int run_motion(const char *path, const char *dir, const char *out) {
     struct motion_script script;
     struct knee_case *knee;
     struct motion motion;
@@ -60,7 +60,7 @@ int command_motion(int argc, char **argv) {
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         switch (option) {
         case 'h':
-            fputs(help, stdout);
+            fputs(motion_help, stdout);
             return EXIT_OK;
         case 'c':
             dir = optarg;
@@ -76,5 +76,5 @@ int command_motion(int argc, char **argv) {
         return usage_error("motion", "one script is needed");
     if (!dir || !out)
         return usage_error("motion", "--case and --out are needed");
-    return run(argv[optind], dir, out);
+    return run_motion(argv[optind], dir, out);
 }

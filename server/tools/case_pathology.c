@@ -158,7 +158,7 @@ static const struct option common[] = {{"name", required_argument, NULL, 'n'},
 static const struct pathology_command {
     const char *help;
     struct option words[WORDS_MAX - 5 + 1]; // ended by zeros; the common ones follow
-} commands[PATHOLOGY_KIND_COUNT] = {
+} pathology_commands[PATHOLOGY_KIND_COUNT] = {
     [PATHOLOGY_TEAR] = {tear_help,
                         {WORD("kind"),
                          WORD("group"),
@@ -212,8 +212,8 @@ static const struct pathology_command {
 
 static void gather_options(enum pathology_kind kind, struct option out[WORDS_MAX]) {
     int count = 0;
-    while (commands[kind].words[count].name) {
-        out[count] = commands[kind].words[count];
+    while (pathology_commands[kind].words[count].name) {
+        out[count] = pathology_commands[kind].words[count];
         count++;
     }
     memcpy(out + count, common, sizeof common);
@@ -270,7 +270,7 @@ static int parse(int argc, char **argv, struct pathology_request *request, bool 
         if (letter == '?')
             return EXIT_USAGE;
         if (letter == 'h') {
-            fputs(commands[kind].help, stdout);
+            fputs(pathology_commands[kind].help, stdout);
             *out_helped = true;
             return EXIT_OK;
         }
@@ -284,7 +284,7 @@ static int parse(int argc, char **argv, struct pathology_request *request, bool 
         return usage_error(command, "one case folder is needed");
     if (!request->out)
         return usage_error(command, "--out is needed");
-    if (commands[kind].words[0].val == 'l' && !request->step.name[0])
+    if (pathology_commands[kind].words[0].val == 'l' && !request->step.name[0])
         return usage_error(command, "--%s is needed", options[0].name);
     if (pathology_check(&request->step, &err) != RESULT_OK)
         return usage_error(command, "%s", err.text);

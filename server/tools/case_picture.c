@@ -9,7 +9,7 @@
 #define WIDTH 640
 #define HEIGHT 480
 
-static const char help[] =
+static const char picture_help[] =
     "Usage: arthron-case picture DIR --out FILE.png [OPTION...]\n"
     "\n"
     "Draws a case: the patient's bones, menisci and ligaments, and on the menisci the tear\n"
@@ -88,7 +88,7 @@ int command_picture(int argc, char **argv) {
     int option, index = 0;
     while ((option = getopt_long(argc, argv, "", options, &index)) != -1) {
         if (option == 'h') {
-            fputs(help, stdout);
+            fputs(picture_help, stdout);
             return EXIT_OK;
         }
         if (option == '?')

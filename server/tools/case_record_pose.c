@@ -15,7 +15,7 @@
 #define STILL_DEG 0.5
 #define STILL_MM 0.5
 
-static const char help[] =
+static const char record_pose_help[] =
     "Usage: arthron-case record-pose DIR --as rest|physical|target [--ligament NAME]\n"
     "                                --station NAME --socket PATH\n"
     "\n"
@@ -206,7 +206,7 @@ static enum result record_pose(struct knee_case *knee, const struct record_pose_
     return result == RESULT_OK ? save(knee, request, &record, err) : result;
 }
 
-static int run(const struct record_pose_request *request) {
+static int run_record_pose(const struct record_pose_request *request) {
     struct knee_case *knee;
     struct error err;
     enum result result = case_load(request->dir, NULL, &knee, &err);
@@ -243,7 +243,7 @@ int command_record_pose(int argc, char **argv) {
     int option;
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         if (option == 'h') {
-            fputs(help, stdout);
+            fputs(record_pose_help, stdout);
             return EXIT_OK;
         } else if (option == 'a') {
             request.role = role_from_name(optarg);
@@ -263,5 +263,5 @@ int command_record_pose(int argc, char **argv) {
         return usage_error("record-pose", "one case folder is needed");
     request.dir = argv[optind];
     int status = check_request(&request);
-    return status == EXIT_OK ? run(&request) : status;
+    return status == EXIT_OK ? run_record_pose(&request) : status;
 }

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char help[] =
+static const char task_help[] =
     "Usage: arthron-case task check FILE --case DIR [OPTION...]\n"
     "\n"
     "Says whether a task can be done on a case: an expert's hands are planned from its goals,\n"
@@ -77,7 +77,7 @@ int command_task(int argc, char **argv) {
     struct task_request request = {.hands = HANDS_EXPERT};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(task_help, stdout) < 0;
         if (c == 'c')
             request.dir = optarg;
         else if (c == 'm')

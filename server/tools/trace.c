@@ -125,7 +125,7 @@ static void print_help(void) {
           stdout);
 }
 
-static int run(int argc, char **argv) {
+static int run_command(int argc, char **argv) {
     cxx_libraries_use_our_memory();
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         print_help();
@@ -147,5 +147,5 @@ static int run(int argc, char **argv) {
 }
 
 int main(int argc, char **argv) {
-    return output_end("arthron-trace", run(argc, argv));
+    return output_end("arthron-trace", run_command(argc, argv));
 }

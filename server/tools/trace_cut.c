@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-static const char help[] =
+static const char cut_help[] =
     "Usage: arthron-trace cut FILE [--from S] [--to S] --out OUT\n"
     "\n"
     "Writes a piece of a session as a trace of its own. The piece also has the inputs before it,\n"
@@ -157,7 +157,7 @@ int command_cut(int argc, char **argv) {
     bool good = true;
     for (int c; good && (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(cut_help, stdout) < 0;
         if (c == 'F')
             good = take_seconds(optarg, &request.from_s);
         else if (c == 'T')

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-static const char help[] =
+static const char export_help[] =
     "Usage: arthron-trace export FILE --csv OUT | --markers OUT | --exr OUT | --gltf OUT | --mcap "
     "OUT\n"
     "                                 [--columns LIST] [--from S] [--to S] [--case DIR]\n"
@@ -124,7 +124,7 @@ static bool parse_seconds(const char *text, double *out_seconds) {
     return end != text && *end == '\0' && isfinite(*out_seconds);
 }
 
-static bool parse_option(int option, struct trace_export_request *request) {
+static bool parse_export_option(int option, struct trace_export_request *request) {
     switch (option) {
     case 'c':
         request->csv = optarg;
@@ -178,8 +178,8 @@ int command_export(int argc, char **argv) {
                                                       .known_column = print_known}};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
-        if (!parse_option(c, &request))
+            return fputs(export_help, stdout) < 0;
+        if (!parse_export_option(c, &request))
             return usage_error(argv[0], "unknown option, or a value that is no number of seconds");
     }
     if (take_file(argc, argv, &request.export.trace) != EXIT_GOOD)

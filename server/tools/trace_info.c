@@ -8,7 +8,7 @@
 #include <string.h>
 #include <time.h>
 
-static const char help[] =
+static const char info_help[] =
     "Usage: arthron-trace info FILE [--json]\n"
     "\n"
     "Prints the origin of a session (station, trainee, time, case, settings, machine) and a "
@@ -188,7 +188,7 @@ static json_t *attempts_array(const struct survey *s) {
     return all;
 }
 
-static void print_json(const struct trace_header *h, const struct survey *s) {
+static void print_info_json(const struct trace_header *h, const struct survey *s) {
     char id[33], start[32], hash[17];
     hex_text(h->session_id, sizeof h->session_id, id);
     time_text(h->start_utc_ns, start);
@@ -236,8 +236,8 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     json_decref(root);
 }
 
-static void print_instrument(enum channel channel, uint64_t present, const struct noticing *n,
-                             bool compared) {
+static void print_seen_instrument(enum channel channel, uint64_t present, const struct noticing *n,
+                                  bool compared) {
     if (!compared) {
         printf("instrument  %s in %" PRIu64 " steps\n", channel_name(channel), present);
         return;
@@ -341,13 +341,13 @@ static void print_resection(int tissue, const struct tissue_figures *f) {
                tissue, f->touched_unseen_mm3, f->seen_untouched_mm3);
 }
 
-static void print_text(const struct trace_header *h, const struct survey *s) {
+static void print_info_text(const struct trace_header *h, const struct survey *s) {
     print_origin(h);
     print_course(h, s);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (s->present[i])
-            print_instrument((enum channel)(CHANNEL_FIRST_INSTRUMENT + i), s->present[i],
-                             &s->noticing[i], compares_motion(h));
+            print_seen_instrument((enum channel)(CHANNEL_FIRST_INSTRUMENT + i), s->present[i],
+                                  &s->noticing[i], compares_motion(h));
     for (int i = 0; i < s->torn_count; i++)
         printf("ligament    torn one %d: up to %.0f %% of its extra motion\n", i + 1,
                100 * s->share[i]);
@@ -372,7 +372,7 @@ int command_info(int argc, char **argv) {
     bool json = false;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(info_help, stdout) < 0;
         if (c != 'j')
             return usage_error(argv[0], "unknown option");
         json = true;
@@ -387,7 +387,7 @@ int command_info(int argc, char **argv) {
     instruments_name_channels(&trace_reader_header(reader)->settings.instruments);
     struct survey survey;
     survey_read(reader, show_progress, &survey);
-    (json ? print_json : print_text)(trace_reader_header(reader), &survey);
+    (json ? print_info_json : print_info_text)(trace_reader_header(reader), &survey);
     trace_reader_destroy(&reader);
     return EXIT_GOOD;
 }

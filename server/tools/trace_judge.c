@@ -6,7 +6,7 @@
 #include <jansson.h>
 #include <stdio.h>
 
-static const char help[] =
+static const char judge_help[] =
     "Usage: arthron-trace judge FILE [--task TASK] [--case DIR] [--json]\n"
     "\n"
     "Judges a recorded session: goals, errors, time, verdict. Without --task, it judges each\n"
@@ -28,7 +28,7 @@ struct by_task {
     struct attempt attempt;
 };
 
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_judged_step(void *user, const struct trace_record *record) {
     struct by_task *judging = user;
     if (record->input.kind == INPUT_RESET)
         attempt_init(&judging->attempt);
@@ -36,10 +36,11 @@ static bool on_step(void *user, const struct trace_record *record) {
     return true;
 }
 
-static enum result play(struct trace_reader *reader, const struct site *site,
-                        struct attempt *out_attempt, struct error *why) {
+static enum result play_attempt(struct trace_reader *reader, const struct site *site,
+                                struct attempt *out_attempt, struct error *why) {
     struct by_task judging = {.site = site};
-    struct trace_player player = {.user = &judging, .step = on_step, .progress = show_progress};
+    struct trace_player player = {
+        .user = &judging, .step = on_judged_step, .progress = show_progress};
     attempt_init(&judging.attempt);
     enum result end = trace_play(reader, &player, why);
     attempt_leave(&judging.attempt, true);
@@ -60,7 +61,7 @@ static int judge_by(const char *task_file, struct trace_reader *reader, const st
             site_create(&task, scene, &header->settings.instruments, &header->optic, &site, &err);
     if (result != RESULT_OK)
         return failed("judge", &err);
-    enum result end = play(reader, site, &attempt, &err);
+    enum result end = play_attempt(reader, site, &attempt, &err);
     site_destroy(&site);
     (json ? tell_json : tell_text)(&task, &attempt, end == RESULT_CLOSED ? "" : err.text);
     bool passed = end == RESULT_CLOSED && attempt_verdict(&attempt, &task) == VERDICT_PASSED;
@@ -159,7 +160,7 @@ int command_judge(int argc, char **argv) {
     bool json = false;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(judge_help, stdout) < 0;
         if (c == 't')
             task = optarg;
         else if (c == 'c')

@@ -14,7 +14,7 @@
 #define HEIGHT 480
 #define LINE_MM 0.05 // shorter displacements are not drawn
 
-static const char help[] =
+static const char picture_help[] =
     "Usage: arthron-trace picture FILE --out FILE.png [--at S] [--group NAME] [--case DIR]\n"
     "\n"
     "Runs the session again and draws a meniscus after its cuts, seen from above with the front "
@@ -108,7 +108,7 @@ struct picture_run {
     struct error *err;
 };
 
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_picture_step(void *user, const struct trace_record *record) {
     struct picture_run *r = user;
     struct session_output output;
     if (record->input.time_ns > r->to_ns)
@@ -117,13 +117,13 @@ static bool on_step(void *user, const struct trace_record *record) {
     return true;
 }
 
-static bool on_state(void *user, const struct trace_state *state) {
+static bool on_picture_state(void *user, const struct trace_state *state) {
     struct picture_run *r = user;
     r->result = rerun_take_over(r->rerun, state, r->err);
     return r->result == RESULT_OK;
 }
 
-static bool on_gap(void *user, uint64_t missing) {
+static bool on_picture_gap(void *user, uint64_t missing) {
     (void)user, (void)missing;
     return false;
 }
@@ -135,11 +135,11 @@ static enum result run_to(struct rerun *rerun, struct trace_reader *reader, doub
     struct picture_run r = {rerun, to_ns < (double)INT64_MAX ? (int64_t)to_ns : INT64_MAX,
                             RESULT_OK, err};
     struct trace_player player = {.user = &r,
-                                  .step = on_step,
-                                  .past = on_step,
-                                  .taken = on_step,
-                                  .state = on_state,
-                                  .gap = on_gap,
+                                  .step = on_picture_step,
+                                  .past = on_picture_step,
+                                  .taken = on_picture_step,
+                                  .state = on_picture_state,
+                                  .gap = on_picture_gap,
                                   .progress = show_progress};
     return trace_play(reader, &player, err) == RESULT_IO ? RESULT_IO : r.result;
 }
@@ -169,7 +169,7 @@ static enum result picture(const struct picture_request *request, struct error *
     return result;
 }
 
-static bool parse_option(int option, struct picture_request *request) {
+static bool parse_picture_option(int option, struct picture_request *request) {
     switch (option) {
     case 'o':
         request->out = optarg;
@@ -193,8 +193,8 @@ int command_picture(int argc, char **argv) {
     struct picture_request request = {.at_s = INFINITY};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
-        if (!parse_option(c, &request))
+            return fputs(picture_help, stdout) < 0;
+        if (!parse_picture_option(c, &request))
             return usage_error(argv[0], "unknown option, or a value that is no number of seconds");
     }
     if (take_file(argc, argv, &request.file) != EXIT_GOOD)

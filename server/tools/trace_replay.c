@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char help[] =
+static const char replay_help[] =
     "Usage: arthron-trace replay FILE [OPTIONS] [--json]\n"
     "\n"
     "Runs the session again from its recorded inputs and compares every field of every step. With\n"
@@ -71,7 +71,7 @@ static const char *reason(const struct replay_report *r) {
            "is at fault";
 }
 
-static void print_json(const struct replay_report *r, double real_time) {
+static void print_replay_json(const struct replay_report *r, double real_time) {
     json_t *root = json_pack(
         "{s:s, s:I, s:I, s:I, s:o, s:b, s:b, s:b, s:b, s:o, s:s}", "verdict",
         replay_verdict_name(r->verdict), "steps", (json_int_t)r->steps, "different",
@@ -124,7 +124,7 @@ static void print_taken(const struct replay_report *r) {
         printf("%" PRIu64 " jobs of the server before land as they did there\n", r->taken);
 }
 
-static void print_text(const struct replay_report *r, double real_time) {
+static void print_replay_text(const struct replay_report *r, double real_time) {
     printf("%s: %" PRIu64 " of %" PRIu64 " steps differ\n", replay_verdict_name(r->verdict),
            r->different, r->steps);
     if (r->different)
@@ -188,7 +188,8 @@ static int compare(const struct replay_request *request, struct trace_reader *re
     int64_t begin_ns = clock_now_ns();
     if (trace_replay(reader, scene, &span, show_progress, &report, &err) != RESULT_OK)
         return failed("replay", &err);
-    (request->json ? print_json : print_text)(&report, real_time(report.session_ns, begin_ns));
+    (request->json ? print_replay_json : print_replay_text)(&report,
+                                                            real_time(report.session_ns, begin_ns));
     return report.verdict != REPLAY_DIFFERENT && all_compared(&report) ? EXIT_GOOD : EXIT_FAULT;
 }
 
@@ -268,7 +269,7 @@ int command_replay(int argc, char **argv) {
     struct replay_request request = {.from_s = NAN, .to_s = NAN};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(replay_help, stdout) < 0;
         if (!take_option(c, &request))
             return usage_error(argv[0], "unknown option, or a value that is no number of seconds");
     }

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char help[] =
+static const char report_help[] =
     "Usage: arthron-trace report FILE --out REPORT.html [--case DIR]\n"
     "                            [--records FILE [--course NAME]]\n"
     "\n"
@@ -70,7 +70,7 @@ int command_report(int argc, char **argv) {
     struct report_request request = {.source.progress = show_progress};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(report_help, stdout) < 0;
         if (c == 'o')
             request.out = optarg;
         else if (c == 'c')

@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static const char help[] =
+static const char score_help[] =
     "Usage: arthron-trace score FILE [--json] [--case DIR] [--optic DEG] [--field DEG]\n"
     "\n"
     "Computes the metrics of a session from its steps: time, paths of the instruments in the "
@@ -50,7 +50,7 @@ struct score {
 
 // ---- reading ------------------------------------------------------------------------------------
 
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_score_step(void *user, const struct trace_record *record) {
     struct score *s = user;
     metrics_step(&s->metrics, &record->input, &record->output);
     return true;
@@ -64,7 +64,7 @@ static bool on_elsewhere(void *user, const struct trace_record *record) {
     return true;
 }
 
-static bool on_state(void *user, const struct trace_state *state) {
+static bool on_score_state(void *user, const struct trace_state *state) {
     struct score *s = user;
     struct kept kept = state_section(state, STATE_METRICS);
     s->is_known = metrics_take_over(&s->metrics, &kept);
@@ -78,7 +78,7 @@ static bool on_resume(void *user, int64_t utc_ns) {
     return true;
 }
 
-static bool on_gap(void *user, uint64_t missing) {
+static bool on_score_gap(void *user, uint64_t missing) {
     struct score *s = user;
     s->missing += missing;
     return true;
@@ -86,12 +86,12 @@ static bool on_gap(void *user, uint64_t missing) {
 
 static void read_steps(struct trace_reader *reader, struct score *s) {
     struct trace_player player = {.user = s,
-                                  .step = on_step,
+                                  .step = on_score_step,
                                   .past = on_elsewhere,
                                   .taken = on_elsewhere,
-                                  .state = on_state,
+                                  .state = on_score_state,
                                   .resume = on_resume,
-                                  .gap = on_gap,
+                                  .gap = on_score_gap,
                                   .progress = show_progress};
     s->is_known = true;
     s->end = trace_play(reader, &player, &s->why);
@@ -139,7 +139,7 @@ static void add_figure(void *context, const struct metric_value *v) {
     json_array_append_new(listing->all, object);
 }
 
-static void print_json(const struct score *s) {
+static void print_score_json(const struct score *s) {
     struct listing listing = {s, json_array()};
     char id[33];
     for (size_t i = 0; i < sizeof s->header->session_id; i++)
@@ -169,7 +169,7 @@ static void print_figure(void *context, const struct metric_value *v) {
     printf("%-20s v%d %12s %-5s %s\n", kind->name, kind->version, value, kind->unit, about);
 }
 
-static void print_text(const struct score *s) {
+static void print_score_text(const struct score *s) {
     if (!s->knee)
         printf("groups have no names: %s\n", s->unnamed.text);
     printf("optic %g degrees, field %g degrees\n", s->metrics.optic.tilt_deg,
@@ -207,9 +207,9 @@ static int score(const struct score_request *request) {
     metrics_init(&s.metrics, &s.header->settings.instruments, optic_of(request, s.header));
     read_steps(reader, &s);
     if (request->json)
-        print_json(&s);
+        print_score_json(&s);
     else
-        print_text(&s);
+        print_score_text(&s);
     trace_reader_destroy(&reader);
     case_destroy(&knee);
     return s.end == RESULT_CLOSED && !s.missing ? EXIT_GOOD : EXIT_FAULT;
@@ -229,7 +229,7 @@ int command_score(int argc, char **argv) {
     struct score_request request = {.tilt_deg = NAN, .field_deg = NAN};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(score_help, stdout) < 0;
         if (c == 'j')
             request.json = true;
         else if (c == 'c')

@@ -14,7 +14,7 @@
 #include <string.h>
 #include <time.h>
 
-static const char help[] =
+static const char serve_help[] =
     "Usage: arthron-trace serve FILE [--listen ADDRESS] [--port N] [--speed X] [--loop]\n"
     "                                [--rate HZ] [--case DIR] [--json]\n"
     "\n"
@@ -87,7 +87,7 @@ static void print_counts(const struct serving *s, int port) {
     json_decref(out);
 }
 
-static enum result play(struct serving *s, struct error *err) {
+static enum result play_trace(struct serving *s, struct error *err) {
     enum result result = RESULT_OK;
     served_session_show(s->session, s->server);
     while (!igtl_server_clients(s->server) && waits(s, 20 * NS_PER_MS))
@@ -108,7 +108,7 @@ static enum result serve(struct serving *s, struct error *err) {
     fprintf(stderr, "arthron-trace serve: %s, %.1f s, at %s port %d; waits for a client\n",
             served_session_header(s->session)->station, served_session_seconds(s->session),
             s->config.address, port);
-    result = play(s, err);
+    result = play_trace(s, err);
     igtl_server_destroy(&s->server);
     if (s->json)
         print_counts(s, port);
@@ -131,7 +131,7 @@ static enum result load(struct serving *s, const char *case_dir, struct scene **
     return result;
 }
 
-static int run(struct serving *s, const char *case_dir) {
+static int run_serve(struct serving *s, const char *case_dir) {
     struct scene *scene = NULL;
     struct error err;
     enum result result = load(s, case_dir, &scene, &err);
@@ -148,7 +148,7 @@ static int run(struct serving *s, const char *case_dir) {
     return result == RESULT_OK ? EXIT_GOOD : failed("serve", &err);
 }
 
-static bool parse_option(int option, struct serving *s, const char **out_case_dir) {
+static bool parse_serve_option(int option, struct serving *s, const char **out_case_dir) {
     int64_t port;
     switch (option) {
     case 'a':
@@ -190,13 +190,13 @@ int command_serve(int argc, char **argv) {
     const char *case_dir = NULL;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(serve_help, stdout) < 0;
         if (c == '?')
             return argument_help("arthron-trace serve");
-        if (!parse_option(c, &s, &case_dir))
+        if (!parse_serve_option(c, &s, &case_dir))
             return usage_error(argv[0], "'%s' is out of range", optarg);
     }
     if (take_file(argc, argv, &s.request.trace) != EXIT_GOOD)
         return EXIT_USAGE;
-    return run(&s, case_dir);
+    return run_serve(&s, case_dir);
 }

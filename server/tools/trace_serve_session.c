@@ -198,7 +198,7 @@ static void put_poses(struct served_session *s, const struct trace_record *recor
 
 // ---- the session --------------------------------------------------------------------------------
 
-static bool on_step(void *user, const struct trace_record *record, double seconds) {
+static bool on_served_step(void *user, const struct trace_record *record, double seconds) {
     struct served_session *s = user;
     const struct session_output *o = &record->output;
     (void)seconds;
@@ -292,7 +292,7 @@ enum result served_session_play(struct served_session *session, struct igtl_serv
     s->walk.marker = on_marker;
     s->walk.begun = on_begun;
     s->walk.ended = on_ended;
-    return walk_run(&s->walk, &s->contents, on_step, s, err);
+    return walk_run(&s->walk, &s->contents, on_served_step, s, err);
 }
 
 struct served_counts served_session_counts(const struct served_session *session) {

@@ -54,7 +54,7 @@ void trial_print_json(const struct trial_report *r, double real_time) {
     json_decref(root);
 }
 
-static void print_instrument(int instrument, const struct trial_instrument *o) {
+static void print_trial_instrument(int instrument, const struct trial_instrument *o) {
     const struct trial_side *a = &o->recorded, *b = &o->tried;
     printf("%s: shown %.3f mm elsewhere in the mean, at most %.3f mm, over %" PRIu64 " steps\n",
            instrument_name(instrument), o->mean_mm, o->most_mm, o->both);
@@ -78,7 +78,7 @@ static void print_tissue(int tissue, const struct tissue_figures *a,
 void trial_print_text(const struct trial_report *r, double real_time) {
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (r->instruments[i].recorded.steps || r->instruments[i].tried.steps)
-            print_instrument(i, &r->instruments[i]);
+            print_trial_instrument(i, &r->instruments[i]);
     for (int i = 0; i < EVENT_COUNT; i++)
         if (r->events_recorded[i] || r->events_tried[i])
             printf("%s: %" PRIu64 " times, now %" PRIu64 "\n", event_name(i), r->events_recorded[i],

@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char help[] =
+static const char verify_help[] =
     "Usage: arthron-trace verify FILE ... [--authority PEM] [--json]\n"
     "\n"
     "Reads every record. Reports whether the file is whole, which records were changed, and which\n"
@@ -109,7 +109,7 @@ static json_t *soundness_object(const struct soundness *v) {
     return root;
 }
 
-static void print_json(json_t *root) {
+static void print_verify_json(json_t *root) {
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
@@ -125,7 +125,7 @@ static void print_seal(const struct soundness *v, bool asked) {
         printf("signed by %s%s\n", v->signed_by, asked ? "" : " (--authority checks the signer)");
 }
 
-static void print_text(const struct soundness *v, bool asked) {
+static void print_verify_text(const struct soundness *v, bool asked) {
     const struct survey *s = &v->survey;
     if (s->end == RESULT_CLOSED)
         printf("whole: %" PRIu64 " bytes\n", s->whole_bytes);
@@ -174,9 +174,9 @@ static int verify(const char *file, const char *authority, bool json) {
     if (look_at(file, authority, &header, &v, &err) != RESULT_OK)
         return failed("verify", &err);
     if (json)
-        print_json(soundness_object(&v));
+        print_verify_json(soundness_object(&v));
     else
-        print_text(&v, authority);
+        print_verify_text(&v, authority);
     return is_good(&v, authority) ? EXIT_GOOD : EXIT_FAULT;
 }
 
@@ -215,7 +215,7 @@ static int verify_parts(char **files, int count, const char *authority, bool jso
         }
         if (!json) {
             printf("%s%s, part %u:\n", i ? "\n" : "", files[i], header.part);
-            print_text(&v, authority);
+            print_verify_text(&v, authority);
         }
         json_array_append_new(all, part_object(files[i], &header, &v));
         good =
@@ -223,8 +223,9 @@ static int verify_parts(char **files, int count, const char *authority, bool jso
     }
     enum result result = trace_parts_check((const char *const *)files, count, &err);
     if (json)
-        print_json(json_pack("{s:o, s:b, s:s}", "parts", all, "one_session", result == RESULT_OK,
-                             "why", result == RESULT_OK ? "" : err.text));
+        print_verify_json(json_pack("{s:o, s:b, s:s}", "parts", all, "one_session",
+                                    result == RESULT_OK, "why",
+                                    result == RESULT_OK ? "" : err.text));
     else
         json_decref(all);
     if (!json && result == RESULT_OK)
@@ -243,7 +244,7 @@ int command_verify(int argc, char **argv) {
     const char *authority = NULL, *file;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
-            return fputs(help, stdout) < 0;
+            return fputs(verify_help, stdout) < 0;
         if (c == 'j')
             json = true;
         else if (c == 'a')

@@ -182,7 +182,7 @@ static void wait_for(pthread_cond_t *condition, int64_t for_ns) {
     pthread_cond_timedwait(condition, &disk.lock, &when);
 }
 
-static void *write_all(void *context) {
+static void *run_disk(void *context) {
     (void)context;
     pthread_mutex_lock(&disk.lock);
     while (!disk.stop) {
@@ -262,7 +262,7 @@ static bool start_threads(void) {
     sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
-    bool writes = pthread_create(&disk.writing, NULL, write_all, NULL) == 0;
+    bool writes = pthread_create(&disk.writing, NULL, run_disk, NULL) == 0;
     bool syncs = writes && pthread_create(&disk.syncing, NULL, sync_all, NULL) == 0;
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (!syncs)

@@ -17,7 +17,7 @@ struct part {
 
 // ---- the headers --------------------------------------------------------------------------------
 
-static bool on_state(void *user, const struct trace_state *state) {
+static bool on_part_state(void *user, const struct trace_state *state) {
     struct part *part = user;
     part->place = state->place;
     part->output_hash = state->output_hash;
@@ -30,9 +30,9 @@ static bool stop(void *user, const struct trace_record *record) {
     return record->type == TRACE_STATE;
 }
 
-static enum result look(struct part *part, struct error *err) {
+static enum result look_at_part(struct part *part, struct error *err) {
     struct trace_reader *reader;
-    struct trace_player player = {.user = part, .record = stop, .state = on_state};
+    struct trace_player player = {.user = part, .record = stop, .state = on_part_state};
     enum result result = trace_reader_create(part->path, &reader, err);
     if (result != RESULT_OK)
         return result;
@@ -99,7 +99,7 @@ static void note_landing(struct search *s, const struct landed *landed) {
     s->landings[s->count++] = (struct landing){landed->job, landed->hash};
 }
 
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_part_step(void *user, const struct trace_record *record) {
     struct search *s = user;
     const struct trace_place *place = &s->of->place;
     if (record->output.step == place->step && !s->found) {
@@ -153,7 +153,7 @@ static enum result check_part(const struct part *parts, int index, struct search
         from--;
     enum result result = RESULT_OK;
     for (int i = from; i < index && result == RESULT_OK && !s->wrong; i++) {
-        result = walk(s, parts[i].path, on_step, TRACE_STEP, err);
+        result = walk(s, parts[i].path, on_part_step, TRACE_STEP, err);
         if (result == RESULT_OK && !s->found)
             return fail(err, RESULT_REFUSED,
                         "part %d begins behind step %llu, which part %d does not have", index + 1,
@@ -176,7 +176,7 @@ enum result trace_parts_check(const char *const *paths, int count, struct error 
     enum result result = RESULT_OK;
     for (int i = 0; i < count && result == RESULT_OK; i++) {
         parts[i].path = paths[i];
-        result = look(&parts[i], err);
+        result = look_at_part(&parts[i], err);
     }
     if (result == RESULT_OK) {
         qsort(parts, (size_t)count, sizeof *parts, by_part);

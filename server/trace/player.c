@@ -1,6 +1,6 @@
 #include "trace/player.h"
 
-static bool tell(const struct trace_player *p, const struct trace_record *record) {
+static bool tell_record(const struct trace_player *p, const struct trace_record *record) {
     if (p->record && !p->record(p->user, record))
         return false;
     switch (record->type) {
@@ -39,7 +39,7 @@ enum result trace_play(struct trace_reader *reader, const struct trace_player *p
     struct trace_record record;
     enum result result;
     while ((result = trace_read(reader, &record, err)) == RESULT_OK) {
-        bool goes_on = tell(player, &record);
+        bool goes_on = tell_record(player, &record);
         if (player->progress)
             player->progress(trace_reader_offset(reader), trace_reader_size(reader));
         if (!goes_on)

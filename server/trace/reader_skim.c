@@ -43,7 +43,7 @@ struct block {
 };
 
 // The bytes at a place, up to a record's worth of them, as far as the file goes.
-static const uint8_t *look(struct block *b, uint64_t at, size_t *out_left) {
+static const uint8_t *look_at_block(struct block *b, uint64_t at, size_t *out_left) {
     if (at + RECORD_MAX > b->from + b->size) {
         ssize_t got = pread(b->fd, b->bytes, BLOCK, (off_t)at);
         b->from = at;
@@ -88,7 +88,7 @@ enum result reader_hop(struct trace_reader *r, struct error *err) {
     size_t left;
     const uint8_t *record;
     do
-        record = look(&block, r->place.offset, &left);
+        record = look_at_block(&block, r->place.offset, &left);
     while (r->place.offset < r->skim_to.offset && pass_over(r, record, left));
     free(block.bytes);
     bool ends = r->place.offset >= r->skim_to.offset;

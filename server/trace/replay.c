@@ -81,7 +81,7 @@ static void run_step(struct replay *replay, const struct trace_record *record) {
 }
 
 // False behind the span: the rest of the trace need not be read.
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_replay_step(void *user, const struct trace_record *record) {
     struct replay *replay = user;
     if (replay->span && record->input.time_ns - replay->start_ns > replay->span->to_ns)
         return false;
@@ -99,7 +99,7 @@ static bool on_past(void *user, const struct trace_record *record) {
     return true;
 }
 
-static bool on_state(void *user, const struct trace_state *state) {
+static bool on_replay_state(void *user, const struct trace_state *state) {
     struct replay *replay = user;
     struct replay_report *report = replay->report;
     replay->result = rerun_take_over(replay->rerun, state, &report->why);
@@ -120,7 +120,7 @@ static bool on_taken(void *user, const struct trace_record *record) {
     return true;
 }
 
-static bool on_gap(void *user, uint64_t missing) {
+static bool on_replay_gap(void *user, uint64_t missing) {
     struct replay *replay = user;
     replay->gap = true;
     replay->report->left_out += missing;
@@ -130,11 +130,11 @@ static bool on_gap(void *user, uint64_t missing) {
 static void run_steps(struct replay *replay, struct trace_reader *reader,
                       void (*progress)(uint64_t done, uint64_t all)) {
     struct trace_player player = {.user = replay,
-                                  .step = on_step,
+                                  .step = on_replay_step,
                                   .past = on_past,
                                   .taken = on_taken,
-                                  .state = on_state,
-                                  .gap = on_gap,
+                                  .state = on_replay_state,
+                                  .gap = on_replay_gap,
                                   .progress = progress};
     struct replay_report *report = replay->report;
     report->end = trace_play(reader, &player, &report->why);

@@ -66,7 +66,7 @@ struct trial {
     bool gap; // steps after it are not tried
 };
 
-static bool on_step(void *user, const struct trace_record *record) {
+static bool on_trial_step(void *user, const struct trace_record *record) {
     struct trial *trial = user;
     struct trial_report *report = trial->report;
     struct session_output output;
@@ -85,7 +85,7 @@ static bool on_step(void *user, const struct trace_record *record) {
     return true;
 }
 
-static bool on_gap(void *user, uint64_t missing) {
+static bool on_trial_gap(void *user, uint64_t missing) {
     struct trial *trial = user;
     trial->gap = true;
     trial->report->left_out += missing;
@@ -105,8 +105,11 @@ enum result trace_trial(struct trace_reader *reader, const struct scene *scene,
     memset(out_report, 0, sizeof *out_report);
     out_report->tissue_count = scene_tissue_count(scene);
     struct trial trial = {.report = out_report, .rerun = rerun_create(scene, settings)};
-    struct trace_player player = {
-        .user = &trial, .step = on_step, .past = on_step, .gap = on_gap, .progress = progress};
+    struct trace_player player = {.user = &trial,
+                                  .step = on_trial_step,
+                                  .past = on_trial_step,
+                                  .gap = on_trial_gap,
+                                  .progress = progress};
     out_report->end = trace_play(reader, &player, &out_report->why);
     rerun_destroy(&trial.rerun);
     end_means(out_report);

@@ -304,7 +304,7 @@ static bool has_type_to_tell(unsigned type) {
            type != TRACE_STATE;
 }
 
-static void tell(struct trace_writer *w, uint64_t at, size_t size) {
+static void tell_written(struct trace_writer *w, uint64_t at, size_t size) {
     static _Thread_local struct trace_record record;
     uint8_t data[RECORD_MAX];
     bool is_lost = false;
@@ -329,7 +329,7 @@ void writer_tap(struct trace_writer *w) {
         size_t size = size_of_record(w, w->tapped);
         if (w->tapped + size + TRACE_HASH_SIZE > written)
             return;
-        tell(w, w->tapped, size);
+        tell_written(w, w->tapped, size);
         w->tapped += size + TRACE_HASH_SIZE;
     }
 }
@@ -379,8 +379,8 @@ static bool sync_folder_of(const char *path) {
     return done;
 }
 
-static enum result put_on_disk(int fd, const char *path, const uint8_t *data, size_t size,
-                               struct error *err) {
+static enum result put_bytes_on_disk(int fd, const char *path, const uint8_t *data, size_t size,
+                                     struct error *err) {
     errno = ENOSPC; // what a short write means
     if (write(fd, data, size) != (ssize_t)size || fsync(fd) != 0 || !sync_folder_of(path))
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
@@ -442,7 +442,7 @@ enum result trace_writer_create(const char *path, const struct trace_header *hea
     w->layout = layout_of(header, TRACE_VERSION);
     uint8_t data[HEADER_MAX];
     size_t size = header_encode(header, &w->chain, data);
-    enum result result = lock(fd) ? put_on_disk(fd, path, data, size, err)
+    enum result result = lock(fd) ? put_bytes_on_disk(fd, path, data, size, err)
                                   : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     w->offset = size;
     if (result == RESULT_OK)
@@ -520,7 +520,7 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
     if (result == RESULT_OK)
         result = take_layout(w, err);
     if (result == RESULT_OK)
-        result = put_on_disk(fd, path, data, size, err);
+        result = put_bytes_on_disk(fd, path, data, size, err);
     w->offset = end->offset + size;
     count(&w->records, end->records);
     count(&w->missing, end->missing);

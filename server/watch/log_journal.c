@@ -37,7 +37,7 @@ static int priority_of(const char *level) {
     return 6;
 }
 
-static void print(const struct log_line *line) {
+static void print_to_journal(const struct log_line *line) {
     char message[1200], priority[16], room[64], station[256];
     struct iovec fields[4];
     int count = 0;
@@ -59,5 +59,5 @@ static void print(const struct log_line *line) {
 
 void log_to_journal(void) {
     if (stderr_is_journal())
-        log_print_by(print);
+        log_print_by(print_to_journal);
 }

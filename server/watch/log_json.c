@@ -21,7 +21,7 @@ static json_t *text_of(const char *text, size_t size) {
     return whole;
 }
 
-static void print(const struct log_line *line) {
+static void print_as_json(const struct log_line *line) {
     size_t size;
     const char *station = log_station(line->text, &size);
     json_t *object =
@@ -36,5 +36,5 @@ static void print(const struct log_line *line) {
 }
 
 void log_as_json(void) {
-    log_print_by(print);
+    log_print_by(print_as_json);
 }

@@ -158,8 +158,8 @@ static struct refusal check_origin(const struct web_connection *c, const char *h
                             false};
 }
 
-static struct refusal check(struct web_connection *c, struct web_task *task, int64_t length,
-                            bool readable) {
+static struct refusal check_request(struct web_connection *c, struct web_task *task, int64_t length,
+                                    bool readable) {
     char host[300];
     struct refusal refusal = check_length(task->method, length);
     if (refusal.status)
@@ -194,7 +194,7 @@ static int send_answer(struct web_connection *c, struct answer answer) {
     return 0;
 }
 
-static int refuse(struct web_connection *c, const struct refusal *r) {
+static int refuse_request(struct web_connection *c, const struct refusal *r) {
     struct answer answer = answer_refusal(r->status, r->code, r->text, r->closes);
     if (c->task && c->task->options.head_only)
         answer.size = 0;
@@ -209,13 +209,13 @@ static int serve_page(struct web_connection *c) {
                                               false};
     const char *path = strcmp(c->task->path, "/") ? c->task->path : "/index.html";
     if (strcmp(c->task->method, "GET"))
-        return refuse(c, &no_method);
+        return refuse_request(c, &no_method);
     if (!strcmp(path, "/live"))
-        return refuse(c, &no_upgrade);
+        return refuse_request(c, &no_upgrade);
     for (int i = 0; i < c->web->pages.count; i++)
         if (!strcmp(c->web->pages.pages[i].path, path))
             return send_answer(c, answer_page(&c->web->pages.pages[i], &c->task->options));
-    return refuse(c, &no_page);
+    return refuse_request(c, &no_page);
 }
 
 // While the pool have the task nothing is read, which in HTTP means that nothing is written.
@@ -241,9 +241,9 @@ static int add_request(struct web_connection *c) {
     static const struct refusal too_many = {503, "busy", "The server is too busy; try again.",
                                             false};
     if (!may_request(c, c->task->token))
-        return refuse(c, &too_fast);
+        return refuse_request(c, &too_fast);
     if (!request_pool_add(c->web->pool, c->task))
-        return refuse(c, &too_many);
+        return refuse_request(c, &too_many);
     c->state = CONNECTION_WAITING;
     pause_reading(c);
     return 0;
@@ -264,7 +264,7 @@ static int dispatch(struct web_connection *c) {
     static const char api[] = "/api/v1/";
     lws_sul_cancel(&c->body_due);
     if (c->refusal.status)
-        return refuse(c, &c->refusal);
+        return refuse_request(c, &c->refusal);
     place_in_api(c->task);
     return strncmp(c->task->path, api, sizeof api - 1) ? serve_page(c) : add_request(c);
 }
@@ -295,7 +295,7 @@ int http_begin(struct web_connection *c) {
     task->is_near = c->limit->source.near;
     bool readable = read_path(task, uri, uri_length) && read_query(c->socket, task);
     int64_t length = read_length(c->socket);
-    c->refusal = check(c, task, length, readable);
+    c->refusal = check_request(c, task, length, readable);
     if (c->refusal.closes || length <= 0)
         return dispatch(c);
     c->state = CONNECTION_READING;
@@ -348,7 +348,7 @@ static void end_download(struct web_connection *c) {
     c->downloader[0] = '\0';
 }
 
-static void answer_request(struct web_connection *c, struct web_task *task, struct answer answer) {
+static void answer_task(struct web_connection *c, struct web_task *task, struct answer answer) {
     bool is_file = answer.file >= 0 && answer.left > 0 && task->downloader[0];
     if (is_file && !begin_download(c, task->downloader)) {
         answer_release(&answer);
@@ -357,7 +357,7 @@ static void answer_request(struct web_connection *c, struct web_task *task, stru
     send_answer(c, answer);
 }
 
-static void learn_of(struct web_connection *c, const struct web_task *task, int status) {
+static void learn_of_request(struct web_connection *c, const struct web_task *task, int status) {
     if (task->token[0] && task->account.name[0])
         places_prove(c, guests_enter(c->web->guests, task->token, &task->account, clock_now_ns()));
     else if (task->token[0] && status == 401)
@@ -369,8 +369,8 @@ void http_task_done(struct web_connection *c, struct web_task *task) {
     task->answer = answer_none();
     lws_rx_flow_control(c->socket, 1);
     if (task->kind == WEB_TASK_REQUEST) {
-        learn_of(c, task, answer.status);
-        answer_request(c, task, answer);
+        learn_of_request(c, task, answer.status);
+        answer_task(c, task, answer);
         return;
     }
     c->task = NULL;
@@ -386,7 +386,7 @@ void http_task_done(struct web_connection *c, struct web_task *task) {
 
 // ---- sending ------------------------------------------------------------------------------------
 
-static int finish(struct web_connection *c) {
+static int finish_response(struct web_connection *c) {
     bool closes = c->answer.closes;
     end_download(c);
     answer_release(&c->answer);
@@ -425,7 +425,7 @@ int http_write(struct web_connection *c) {
         lws_write(c->socket, out, head + size, LWS_WRITE_HTTP) < (int)(head + size))
         return -1;
     if (c->sent == c->answer.size && c->answer.left == 0)
-        return finish(c);
+        return finish_response(c);
     if (c->sent == c->answer.size)
         return read_on(c);
     lws_callback_on_writable(c->socket);

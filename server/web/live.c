@@ -34,7 +34,7 @@ bool live_is_full(const struct web *web) {
 }
 
 // From here on the handler does not know of it, and its place is free.
-static void leave(struct web_connection *c) {
+static void leave_live(struct web_connection *c) {
     int slot = find_slot(c->web, c);
     if (slot >= 0)
         c->web->sockets[slot] = NULL;
@@ -49,7 +49,7 @@ static void close_with(struct web_connection *c, enum close_status status) {
     if (c->live->closing)
         return;
     c->live->closing = (int)status;
-    leave(c);
+    leave_live(c);
     lws_set_timer_usecs(c->socket, CLOSE_S * LWS_USEC_PER_SEC);
     lws_callback_on_writable(c->socket);
 }
@@ -71,7 +71,7 @@ void live_end(struct web_connection *c) {
     if (!c->live)
         return;
     stop_writing(c);
-    leave(c);
+    leave_live(c);
     free(c->live);
     c->live = NULL;
 }
@@ -172,7 +172,7 @@ static void admit(struct web_connection *c) {
 }
 
 // 0: it may stay.
-static int check(const struct live_socket *live, const struct web_task *task) {
+static int check_live(const struct live_socket *live, const struct web_task *task) {
     bool is_in = live->user;
     if (task->entry == RESULT_OK)
         return is_in && !is_same(&task->account, &live->account) ? NOT_ALLOWED : 0;
@@ -181,7 +181,7 @@ static int check(const struct live_socket *live, const struct web_task *task) {
     return is_in ? 0 : TRY_LATER;
 }
 
-static void learn_of(struct web_connection *c, const struct web_task *task) {
+static void learn_of_live(struct web_connection *c, const struct web_task *task) {
     if (task->entry == RESULT_OK)
         places_prove(c, guests_enter(c->web->guests, task->token, &task->account, clock_now_ns()));
     else if (task->entry == RESULT_MISSING)
@@ -191,10 +191,10 @@ static void learn_of(struct web_connection *c, const struct web_task *task) {
 void live_task_done(struct web_connection *c, struct web_task *task) {
     struct live_socket *live = c->live;
     c->task = NULL;
-    int status = check(live, task);
+    int status = check_live(live, task);
     if (!live->user)
         live->account = task->account;
-    learn_of(c, task);
+    learn_of_live(c, task);
     web_task_destroy(&task);
     if (live->closing)
         return;
@@ -209,10 +209,10 @@ void live_task_done(struct web_connection *c, struct web_task *task) {
 
 // ---- what the page says -------------------------------------------------------------------------
 
-static int refuse(struct web_connection *c, enum close_status status, const char *text) {
+static int refuse_live(struct web_connection *c, enum close_status status, const char *text) {
     log_warning("web", "%s (%s): %s", c->address, c->live->account.name, text);
     c->live->closing = (int)status;
-    leave(c);
+    leave_live(c);
     return close_now(c);
 }
 
@@ -222,13 +222,13 @@ static int take_message(struct web_connection *c) {
     arthron_Page message;
     struct error err;
     if (!bucket_take(&live->messages, MESSAGES_S, MESSAGES_AT_ONCE, clock_now_ns()))
-        return refuse(c, NOT_ALLOWED, "the page sends too many messages");
+        return refuse_live(c, NOT_ALLOWED, "the page sends too many messages");
     if (wire_decode_page(live->incoming, live->used, &message, &err) != RESULT_OK)
-        return refuse(c, MALFORMED, err.text);
+        return refuse_live(c, MALFORMED, err.text);
     if (message.which_message == arthron_Page_drawn_tag) {
         uint64_t drawn = message.message.drawn.batches;
         if (drawn > live->sent || drawn < live->drawn)
-            return refuse(c, MALFORMED, "the page acknowledged batches that it was not sent");
+            return refuse_live(c, MALFORMED, "the page acknowledged batches that it was not sent");
         live->drawn = drawn;
         plan(c);
         return 0;
@@ -236,7 +236,7 @@ static int take_message(struct web_connection *c) {
     if (message.which_message == 0)
         return 0; // of a later version
     if (!handler->on_page(handler->user, live->user, &message))
-        return refuse(c, NOT_ALLOWED, "the page may not send this message");
+        return refuse_live(c, NOT_ALLOWED, "the page may not send this message");
     poll_now(c);
     return 0;
 }
@@ -246,9 +246,9 @@ int live_receive(struct web_connection *c, const void *bytes, size_t size) {
     if (!live->user)
         return 0; // it is being closed
     if (!lws_frame_is_binary(c->socket))
-        return refuse(c, NOT_BINARY, "the message is not binary");
+        return refuse_live(c, NOT_BINARY, "the message is not binary");
     if (size > sizeof live->incoming - live->used)
-        return refuse(c, TOO_LONG, "the message is longer than 4096 bytes");
+        return refuse_live(c, TOO_LONG, "the message is longer than 4096 bytes");
     memcpy(live->incoming + live->used, bytes, size);
     live->used += size;
     if (lws_remaining_packet_payload(c->socket) || !lws_is_final_fragment(c->socket))

@@ -6,7 +6,7 @@
 
 #include <sys/socket.h>
 
-static void leave(struct web_connection *c) {
+static void leave_place(struct web_connection *c) {
     if (c->leaves)
         return;
     c->leaves = true;
@@ -19,7 +19,7 @@ static void leave(struct web_connection *c) {
 }
 
 static void shut(struct web_connection *c) {
-    leave(c);
+    leave_place(c);
     shutdown(lws_get_socket_fd(c->socket),
              SHUT_RDWR); // it then ends like one that the browser ended
 }
@@ -88,7 +88,7 @@ bool places_open(struct web_connection *c) {
 }
 
 void places_close(struct web_connection *c) {
-    leave(c);
+    leave_place(c);
     c->web->connections[c->slot] = NULL;
     c->web->here--;
     c->limit->ends--;

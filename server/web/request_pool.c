@@ -100,15 +100,16 @@ static int64_t run(void *data) {
     return TASK_DONE;
 }
 
-static void finish(void *data, bool done);
+static void finish_task(void *data, bool done);
 
 // False: too many wait.
 static bool add_later(struct web_task *task) {
-    return task_pool_add(task->pool->later,
-                         &(struct pool_task){.run = run_later, .finish = finish, .data = task});
+    return task_pool_add(
+        task->pool->later,
+        &(struct pool_task){.run = run_later, .finish = finish_task, .data = task});
 }
 
-static void finish(void *data, bool done) {
+static void finish_task(void *data, bool done) {
     struct web_task *task = data;
     struct request_pool *p = task->pool;
     if (done && task->later && add_later(task))
@@ -133,7 +134,7 @@ bool request_pool_add(struct request_pool *p, struct web_task *task) {
                 p->handler.is_slow(task->method, task->path);
     return task_pool_add(
         slow ? p->slow : p->tasks,
-        &(struct pool_task){.urgent = urgent, .run = run, .finish = finish, .data = task});
+        &(struct pool_task){.urgent = urgent, .run = run, .finish = finish_task, .data = task});
 }
 
 struct web_task *request_pool_take_done(struct request_pool *p) {

@@ -248,8 +248,8 @@ static void share_places(struct web *web, int outgoing) {
     web->places = places - web->outgoing;
 }
 
-static enum result read_certificate(struct web *web, const struct web_config *config,
-                                    struct error *err) {
+static enum result read_server_certificate(struct web *web, const struct web_config *config,
+                                           struct error *err) {
     enum result result = host_check_create(config->certificate, config->names, &web->hosts, err);
     if (result == RESULT_OK && config->certificate)
         result = tls_files_create(config->certificate, config->key, &web->tls_files, NULL, err);
@@ -270,7 +270,7 @@ enum result web_create(const struct web_config *config, const struct web_handler
     web->guests = guests_create();
     share_places(web, config->outgoing);
     *out_web = NULL;
-    enum result result = read_certificate(web, config, err);
+    enum result result = read_server_certificate(web, config, err);
     if (result == RESULT_OK)
         result = listen_at(web, config, err);
     if (result != RESULT_OK) {

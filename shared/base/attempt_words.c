@@ -3,14 +3,14 @@
 #include <string.h>
 
 static const char *const purposes[ATTEMPT_PURPOSE_COUNT] = {"practice", "exam"};
-static const char *const hands[ATTEMPT_HAND_COUNT] = {"right", "left"};
+static const char *const hand_words[ATTEMPT_HAND_COUNT] = {"right", "left"};
 
 const char *attempt_purpose_name(enum attempt_purpose purpose) {
     return purposes[purpose];
 }
 
 const char *attempt_hand_name(enum attempt_hand hand) {
-    return hands[hand];
+    return hand_words[hand];
 }
 
 const char *verdict_name(enum verdict verdict) {
@@ -36,5 +36,5 @@ int attempt_purpose_from(const char *name) {
 }
 
 int attempt_hand_from(const char *name) {
-    return index_of(hands, ATTEMPT_HAND_COUNT, name);
+    return index_of(hand_words, ATTEMPT_HAND_COUNT, name);
 }

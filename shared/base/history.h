@@ -21,6 +21,11 @@ enum history_quality {
     HISTORY_PREDICTED     // after the newest: its velocity carried on
 };
 
+// Where the pose lies that has `newer` newer ones.
+static inline int history_place(const struct history *history, int newer) {
+    return (history->next - 1 - newer + 2 * HISTORY_LENGTH) % HISTORY_LENGTH;
+}
+
 // A zeroed struct history is empty.
 // Times must rise; a pose that is not newer than the newest is ignored and false returned.
 bool history_add(struct history *history, int64_t time_ns, pose p);

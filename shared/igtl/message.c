@@ -10,7 +10,8 @@
 
 _Static_assert(IGTL_DEVICE_SIZE == IGTL_HEADER_NAME_SIZE + 1, "a device's name and a 0");
 
-#define EXTENDED_SIZE 12   // sizes of itself (2), of the index (2), of the metadata (4); an id (4)
+#define EXTENDED_HEADER_SIZE                                                                       \
+    12                     // sizes of itself (2), of the index (2), of the metadata (4); an id (4)
 #define INDEX_COUNT_SIZE 2 // how many entries there are
 #define INDEX_ENTRY_SIZE 8 // lengths of key (2) and value (4), the value's encoding (2) between
 #define US_ASCII 3         // of IANA's character sets
@@ -38,7 +39,7 @@ static size_t metadata_size(const struct igtl_head *h) {
 }
 
 size_t igtl_message_content(int version) {
-    return IGTL_HEADER_SIZE + (version > 1 ? EXTENDED_SIZE : 0);
+    return IGTL_HEADER_SIZE + (version > 1 ? EXTENDED_HEADER_SIZE : 0);
 }
 
 size_t igtl_message_size(const struct igtl_head *h, size_t content_size) {
@@ -53,7 +54,7 @@ static uint8_t *put_text(uint8_t *out, const char *text) {
 }
 
 static void put_extended(const struct igtl_head *h, uint8_t *out) {
-    out = big_endian_put(out, EXTENDED_SIZE, 2);
+    out = big_endian_put(out, EXTENDED_HEADER_SIZE, 2);
     out = big_endian_put(out, index_size(h), 2);
     out = big_endian_put(out, metadata_size(h), 4);
     big_endian_put(out, h->id, 4);

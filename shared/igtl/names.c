@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { STATUS_OK = 1, STATUS_NOT_READY = 13 };
+enum { STATUS_READY = 1, STATUS_NOT_READY = 13 };
 
 void igtl_pose_name(enum channel channel, bool shown, char out_name[IGTL_DEVICE_SIZE]) {
     const char *name = channel_name(channel);
@@ -33,7 +33,7 @@ void igtl_marker_text(const struct marker *marker, char out_text[IGTL_MARKER_SIZ
 
 struct igtl_state igtl_session_state(const char *state, int64_t utc_ns) {
     bool runs = !strcmp(state, "running");
-    struct igtl_state told = {.code = runs ? STATUS_OK : STATUS_NOT_READY, .utc_ns = utc_ns};
+    struct igtl_state told = {.code = runs ? STATUS_READY : STATUS_NOT_READY, .utc_ns = utc_ns};
     snprintf(told.text, sizeof told.text, "%s", state);
     return told;
 }

@@ -128,8 +128,8 @@ void igtl_request_answered(struct igtl_request *r, const struct igtl_message *m,
 
 // ---- messages -----------------------------------------------------------------------------------
 
-static size_t encode(const struct igtl_request *r, const char *type, const char *device,
-                     const uint8_t *content, size_t size, uint8_t *out) {
+static size_t encode_answer(const struct igtl_request *r, const char *type, const char *device,
+                            const uint8_t *content, size_t size, uint8_t *out) {
     struct igtl_head head = {.version = r->version, .type = type, .device = device};
     if (size)
         memcpy(out + igtl_message_content(head.version), content, size);
@@ -149,7 +149,7 @@ static size_t encode_start(const struct igtl_request *r, uint8_t *out) {
     uint8_t content[IGTL_START_SIZE];
     size_t size = igtl_write_start(r->unlimited ? 0 : r->interval_ms, r->coordinates, content);
     const char *type = r->asked == IGTL_REQUEST_TDATA ? "STT_TDATA" : "STT_QTDATA";
-    return encode(r, type, r->device, content, size, out);
+    return encode_answer(r, type, r->device, content, size, out);
 }
 
 static bool is_polling(const struct igtl_request *r, int64_t now_ns) {
@@ -165,7 +165,7 @@ static size_t encode_gets(struct igtl_request *r, int64_t now_ns, uint8_t *out) 
         if (polling && now_ns < r->tools[i].due_ns)
             continue;
         note_asked(&r->tools[i], now_ns);
-        size += encode(r, type, r->tool_count ? r->tools[i].name : "", NULL, 0, out + size);
+        size += encode_answer(r, type, r->tool_count ? r->tools[i].name : "", NULL, 0, out + size);
     }
     return size;
 }
@@ -190,7 +190,7 @@ static size_t ask(struct igtl_request *r, int64_t now_ns, uint8_t *out) {
     bool turns = r->kind == IGTL_REQUEST_AUTO && r->asked != last_kind;
     r->due_ns = now_ns + (turns ? patience_ns : pause_ns);
     if (r->kind == IGTL_REQUEST_AUTO && r->asked == first_kind)
-        size = encode(r, "GET_STATUS", r->device, NULL, 0, out);
+        size = encode_answer(r, "GET_STATUS", r->device, NULL, 0, out);
     return size +
            (is_get(r->asked) ? encode_gets(r, now_ns, out + size) : encode_start(r, out + size));
 }

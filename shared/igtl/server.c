@@ -337,7 +337,7 @@ bool igtl_server_put_status(struct igtl_server *s, const struct igtl_state *stat
 
 // ---- any thread ---------------------------------------------------------------------------------
 
-static struct served_bytes *encode(const struct igtl_mesh *mesh) {
+static struct served_bytes *encode_served(const struct igtl_mesh *mesh) {
     CHECK(mesh->vertex_count >= 0 && mesh->vertex_count <= IGTL_VERTICES_MAX &&
           mesh->triangle_count >= 0 && mesh->triangle_count <= IGTL_VERTICES_MAX);
     for (size_t i = 0; i < 3 * (size_t)mesh->triangle_count; i++)
@@ -367,7 +367,7 @@ static struct mesh_put *place_of(struct igtl_server *s, const char *name) {
 
 void igtl_server_put_mesh(struct igtl_server *s, const struct igtl_mesh *mesh) {
     CHECK(mesh->name[0]);
-    struct served_bytes *content = encode(mesh);
+    struct served_bytes *content = encode_served(mesh);
     pthread_mutex_lock(&s->lock);
     struct mesh_put *place = place_of(s, mesh->name);
     struct served_bytes *before = place->content;

@@ -55,8 +55,7 @@ static int *list_of(struct entries_reader *r, const char *section, const char *k
     return &r->lists[hash % LISTS];
 }
 
-static const struct entry *find(struct entries_reader *r, const char *section,
-                                const char *key) {
+static const struct entry *find(struct entries_reader *r, const char *section, const char *key) {
     int at = *list_of(r, section, key);
     for (; at; at = r->entries[at - 1].next)
         if (same(r->entries[at - 1].section, section) && same(r->entries[at - 1].key, key))
@@ -133,7 +132,7 @@ static bool is_new(struct entries_reader *r, const char *section, const char *ke
     return refuse(r);
 }
 
-static int take_entry(void *user, const char *section, const char *key, const char *value) {
+static int on_entry(void *user, const char *section, const char *key, const char *value) {
     struct entries_reader *r = user;
     if (r->refused || !is_new(r, section, key))
         return 0;
@@ -141,7 +140,7 @@ static int take_entry(void *user, const char *section, const char *key, const ch
 }
 
 static enum result read_file(struct entries_reader *r, const char *path) {
-    int wrong_line = ini_parse_stream(read_line, r, take_entry, r);
+    int wrong_line = ini_parse_stream(read_line, r, on_entry, r);
     if (ferror(r->file))
         return fail(r->err, RESULT_MISSING, "%s cannot be read: %s", path, strerror(errno));
     if (r->refused && (wrong_line <= 0 || r->line <= wrong_line))

@@ -158,8 +158,8 @@ static void say_wanted(const struct setting_key *key, const char *value, struct 
     }
 }
 
-static bool take_entry(void *user, const char *section_text, const char *key_text,
-                       const char *value, struct error *err) {
+static bool take_table_entry(void *user, const char *section_text, const char *key_text,
+                             const char *value, struct error *err) {
     const struct loading *l = user;
     const struct setting_section *section = l->sections;
     const char *name = NULL, *rest;
@@ -189,9 +189,9 @@ enum result settings_load(const char *path, const struct setting_override *overr
     struct error unread; // what is wanted is added to the error's text
     err = err ? err : &unread;
     settings_folder(path, l.dir, sizeof l.dir);
-    enum result result = entries_read(path, take_entry, &l, err);
+    enum result result = entries_read(path, take_table_entry, &l, err);
     for (int i = 0; i < override_count && result == RESULT_OK; i++)
-        if (!take_entry(&l, overrides[i].section, overrides[i].key, overrides[i].value, err))
+        if (!take_table_entry(&l, overrides[i].section, overrides[i].key, overrides[i].value, err))
             result = fail_in(err, RESULT_INVALID, "--set: ");
     return result;
 }
@@ -202,5 +202,5 @@ enum result settings_load_text(const char *path, const char *text, size_t size,
     struct loading l = {.sections = sections, .user = user};
     struct error unread;
     settings_folder(path, l.dir, sizeof l.dir);
-    return entries_read_text(path, text, size, take_entry, &l, err ? err : &unread);
+    return entries_read_text(path, text, size, take_table_entry, &l, err ? err : &unread);
 }

@@ -7,11 +7,11 @@
 #include <stdbool.h>
 #include <string.h>
 
-#define BYTES (CODE_SECRET_SIZE + CODE_FINGERPRINT_SIZE + 1)
-#define CHARACTERS (BYTES * 8 / 5)
+#define CODE_BYTES (CODE_SECRET_SIZE + CODE_FINGERPRINT_SIZE + 1)
+#define CHARACTERS (CODE_BYTES * 8 / 5)
 #define GROUP 6
 
-_Static_assert(BYTES % 5 == 0, "base32 without padding");
+_Static_assert(CODE_BYTES % 5 == 0, "base32 without padding");
 _Static_assert(CHARACTERS + CHARACTERS / GROUP <= CODE_TEXT_MAX, "the text fits");
 
 static const char alphabet[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ234567";
@@ -21,17 +21,17 @@ static void sha256(const void *data, size_t size, uint8_t out_hash[32]) {
     NEED(done == 1, "memory");
 }
 
-static uint8_t check_byte(const uint8_t bytes[BYTES]) {
+static uint8_t check_byte(const uint8_t bytes[CODE_BYTES]) {
     uint8_t hash[32];
-    sha256(bytes, BYTES - 1, hash);
+    sha256(bytes, CODE_BYTES - 1, hash);
     return hash[0];
 }
 
 void code_write(const struct code *code, char out_text[CODE_TEXT_MAX]) {
-    uint8_t bytes[BYTES];
+    uint8_t bytes[CODE_BYTES];
     memcpy(bytes, code->secret, CODE_SECRET_SIZE);
     memcpy(bytes + CODE_SECRET_SIZE, code->fingerprint, CODE_FINGERPRINT_SIZE);
-    bytes[BYTES - 1] = check_byte(bytes);
+    bytes[CODE_BYTES - 1] = check_byte(bytes);
     for (int i = 0; i < CHARACTERS; i++) {
         unsigned value = 0;
         for (int bit = 5 * i; bit < 5 * i + 5; bit++)
@@ -51,9 +51,9 @@ static int value_of(char typed) {
     return found ? (int)(found - alphabet) : -1;
 }
 
-static bool read_characters(const char *text, uint8_t out_bytes[BYTES]) {
+static bool read_characters(const char *text, uint8_t out_bytes[CODE_BYTES]) {
     int count = 0;
-    memset(out_bytes, 0, BYTES);
+    memset(out_bytes, 0, CODE_BYTES);
     for (; *text; text++) {
         if (*text == '-' || isspace((unsigned char)*text))
             continue;
@@ -68,10 +68,10 @@ static bool read_characters(const char *text, uint8_t out_bytes[BYTES]) {
 }
 
 enum result code_read(const char *text, struct code *out_code, struct error *err) {
-    uint8_t bytes[BYTES];
+    uint8_t bytes[CODE_BYTES];
     if (!read_characters(text, bytes))
         return fail(err, RESULT_FORMAT, "the code is not %d letters and digits", CHARACTERS);
-    if (bytes[BYTES - 1] != check_byte(bytes))
+    if (bytes[CODE_BYTES - 1] != check_byte(bytes))
         return fail(err, RESULT_FORMAT, "the code is mistyped: its check does not match");
     memcpy(out_code->secret, bytes, CODE_SECRET_SIZE);
     memcpy(out_code->fingerprint, bytes + CODE_SECRET_SIZE, CODE_FINGERPRINT_SIZE);

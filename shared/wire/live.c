@@ -4,12 +4,12 @@
 #include <pb_encode.h>
 #include <string.h>
 
-#define ITEMS_TAG 1  // of items in LiveBatch
-#define CHUNK_TAG 5  // of mesh_chunk in Live
-#define PREFIX_MAX 9 // of an item: two tags, two lengths
+#define ITEMS_TAG 1      // of items in LiveBatch
+#define LIVE_CHUNK_TAG 5 // of mesh_chunk in Live
+#define PREFIX_MAX 9     // of an item: two tags, two lengths
 
-_Static_assert((int)arthron_Live_resection_tag == CHUNK_TAG - 1 &&
-                   (int)arthron_Live_remark_tag == CHUNK_TAG + 1,
+_Static_assert((int)arthron_Live_resection_tag == LIVE_CHUNK_TAG - 1 &&
+                   (int)arthron_Live_remark_tag == LIVE_CHUNK_TAG + 1,
                "the chunk is where the schema has it");
 _Static_assert((int)arthron_Live_beat_tag < 16, "a tag takes one byte");
 
@@ -26,8 +26,8 @@ static bool put_prefix(pb_ostream_t *stream, uint32_t tag, size_t size) {
 
 // nanopb finds the length of a message by encoding it once more, at each level of nesting. Here its
 // bytes are made first, and what goes before them then.
-static enum result encode(uint32_t kind, const pb_msgdesc_t *fields, const void *message,
-                          uint8_t *data, size_t size, size_t *out_used) {
+static enum result encode_live(uint32_t kind, const pb_msgdesc_t *fields, const void *message,
+                               uint8_t *data, size_t size, size_t *out_used) {
     uint8_t prefix[PREFIX_MAX];
     if (size < PREFIX_MAX)
         return RESULT_LIMIT;
@@ -50,10 +50,10 @@ enum result live_encode(const arthron_Live *item, uint8_t *data, size_t size, si
     if (!pb_field_iter_begin_const(&field, arthron_Live_fields, item) ||
         !pb_field_iter_find(&field, item->which_message))
         return RESULT_INVALID;
-    return encode(field.tag, field.submsg_desc, field.pData, data, size, out_used);
+    return encode_live(field.tag, field.submsg_desc, field.pData, data, size, out_used);
 }
 
 enum result live_encode_chunk(const arthron_MeshChunk *chunk, uint8_t *data, size_t size,
                               size_t *out_used) {
-    return encode(CHUNK_TAG, arthron_MeshChunk_fields, chunk, data, size, out_used);
+    return encode_live(LIVE_CHUNK_TAG, arthron_MeshChunk_fields, chunk, data, size, out_used);
 }

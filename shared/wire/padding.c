@@ -6,14 +6,14 @@
 #include <pb_encode.h>
 
 // What a repeated message takes besides itself: its tag, and its length in up to two bytes.
-#define REPEATED_OVERHEAD 3
+#define PADDED_OVERHEAD 3
 #define CHANNEL_SPARE 1 // a channel is below 128: a byte less than the schema has room for
 #define SAMPLE_OVERHEAD (2 - CHANNEL_SPARE) // its length is below 128
 #define FRAME_EMPTY_SIZE 18                 // number and time
-#define INSTRUMENT_SIZE (arthron_WarpedInstrument_size - CHANNEL_SPARE + REPEATED_OVERHEAD)
+#define INSTRUMENT_SIZE (arthron_WarpedInstrument_size - CHANNEL_SPARE + PADDED_OVERHEAD)
 #define COUNTS_SIZE (sizeof((arthron_Reply){0}.event_counts) / sizeof(uint32_t) * 6)
 #define CHALLENGE_SIZE 9
-#define FRAMES_SIZE 12 // lost ones and late ones
+#define FRAMES_SIZE 12                                                  // lost ones and late ones
 #define LOOSE_SIZE (WIRE_REPLY_LOOSE * (arthron_CarriedLoose_size + 2)) // with a tag and a length
 #define REPLY_SIZE                                                                                 \
     (arthron_Reply_size - WIRE_REPLY_INSTRUMENTS * CHANNEL_SPARE - COUNTS_SIZE - CHALLENGE_SIZE -  \

@@ -153,8 +153,8 @@ static bool is_new(const struct mesh_delta *delta, uint32_t vertex) {
 }
 
 // Before anything is freed: a vertex may lose all its triangles and get others.
-static enum result corners_check(const struct tissue *tissue, const struct mesh_delta *delta,
-                                 struct error *err) {
+static enum result delta_corners_check(const struct tissue *tissue, const struct mesh_delta *delta,
+                                       struct error *err) {
     for (uint32_t i = 0; i < delta->made_count; i++)
         for (int k = 0; k < 3; k++) {
             uint32_t corner = delta->made[i].corners[k];
@@ -184,7 +184,7 @@ enum result tissue_change(struct tissue *tissue, const struct mesh_delta *delta,
                     tissue->number);
     if (!delta->base)
         tissue_fini(tissue);
-    enum result result = corners_check(tissue, delta, err);
+    enum result result = delta_corners_check(tissue, delta, err);
     if (result == RESULT_OK)
         result = free_triangles(tissue, delta, err);
     make_room(tissue, delta);

@@ -53,7 +53,7 @@ _Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX &&
 _Static_assert(arthron_View_size - VIEW_GOALS_SIZE - VIEW_ERRORS_SIZE <= WIRE_VIEW_MAX,
                "a View without goals and errors is within its limit");
 
-#define CHUNK_TAG 15 // of mesh_chunk in Control
+#define CONTROL_CHUNK_TAG 15 // of mesh_chunk in Control
 #define CHUNK_OVERHEAD 4
 
 _Static_assert(arthron_MeshChunk_size + CHUNK_OVERHEAD <= WIRE_CHUNK_MAX,
@@ -65,8 +65,8 @@ _Static_assert(sizeof((arthron_MeshChunk){0}.data.bytes) == WIRE_CHUNK_DATA &&
 
 // ---- encoding -----------------------------------------------------------------------------------
 
-static enum result encode(const pb_msgdesc_t *kind, const void *message, uint8_t *data, size_t size,
-                          size_t *out_used) {
+static enum result encode_control(const pb_msgdesc_t *kind, const void *message, uint8_t *data,
+                                  size_t size, size_t *out_used) {
     pb_ostream_t stream = pb_ostream_from_buffer(data, size);
     if (!pb_encode(&stream, kind, message))
         return RESULT_LIMIT;
@@ -76,22 +76,22 @@ static enum result encode(const pb_msgdesc_t *kind, const void *message, uint8_t
 
 enum result wire_encode_control(const arthron_Control *message, uint8_t *data, size_t size,
                                 size_t *out_used) {
-    return encode(arthron_Control_fields, message, data, size, out_used);
+    return encode_control(arthron_Control_fields, message, data, size, out_used);
 }
 
 enum result wire_encode_console(const arthron_Console *message, uint8_t *data, size_t size,
                                 size_t *out_used) {
-    return encode(arthron_Console_fields, message, data, size, out_used);
+    return encode_control(arthron_Console_fields, message, data, size, out_used);
 }
 
 enum result wire_encode_frame(const arthron_Frame *message, uint8_t *data, size_t size,
                               size_t *out_used) {
-    return encode(arthron_Frame_fields, message, data, size, out_used);
+    return encode_control(arthron_Frame_fields, message, data, size, out_used);
 }
 
 enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t size,
                              size_t *out_used) {
-    return encode(arthron_View_fields, message, data, size, out_used);
+    return encode_control(arthron_View_fields, message, data, size, out_used);
 }
 
 // ---- what nanopb does not check -----------------------------------------------------------------
@@ -399,7 +399,7 @@ enum result wire_decode_page(const uint8_t *data, size_t size, arthron_Page *out
 enum result wire_encode_chunk(const arthron_MeshChunk *chunk, uint8_t *data, size_t size,
                               size_t *out_used) {
     pb_ostream_t stream = pb_ostream_from_buffer(data, size);
-    if (!pb_encode_tag(&stream, PB_WT_STRING, CHUNK_TAG) ||
+    if (!pb_encode_tag(&stream, PB_WT_STRING, CONTROL_CHUNK_TAG) ||
         !pb_encode_submessage(&stream, arthron_MeshChunk_fields, chunk))
         return RESULT_LIMIT;
     *out_used = stream.bytes_written;
@@ -407,7 +407,7 @@ enum result wire_encode_chunk(const arthron_MeshChunk *chunk, uint8_t *data, siz
 }
 
 bool wire_is_chunk(const uint8_t *data, size_t size) {
-    return size > 0 && data[0] == (CHUNK_TAG << 3 | PB_WT_STRING);
+    return size > 0 && data[0] == (CONTROL_CHUNK_TAG << 3 | PB_WT_STRING);
 }
 
 static bool decode_chunk(pb_istream_t *stream, arthron_MeshChunk *out_chunk) {

@@ -180,7 +180,7 @@ static double uncertainty_of(const struct motion *whole) {
     return sqrt(squares * (BLOCKS - 1) / BLOCKS);
 }
 
-static bool measure(struct motion *m, struct delay_fit *out, double *out_untold_share) {
+static bool measure_delay(struct motion *m, struct delay_fit *out, double *out_untold_share) {
     double left;
     bool inside = find_delay(m, &out->delay_ms, &left);
     out->uncertainty_ms = uncertainty_of(m);
@@ -234,7 +234,7 @@ enum result delay_calibrate(const struct delay_flexion *flexions, int flexion_co
                  "%d poses and %d angles came at the same time: too few. Keep the tool in view",
                  m.count, flexion_count);
     else {
-        bool inside = measure(&m, out, &untold_share);
+        bool inside = measure_delay(&m, out, &untold_share);
         result = judge(out, untold_share, inside, err);
     }
     free(m.times_ns);

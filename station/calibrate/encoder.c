@@ -9,8 +9,8 @@ static double mean_of(const double *numbers, int count) {
     return sum / count;
 }
 
-static void measure(const double *readings, const double *values, int count,
-                    struct encoder_fit *fit) {
+static void measure_encoder(const double *readings, const double *values, int count,
+                            struct encoder_fit *fit) {
     double sum = 0;
     fit->max = 0;
     for (int i = 0; i < count; i++) {
@@ -42,7 +42,7 @@ enum result encoder_calibrate(const double *readings, const double *values, int 
                     low, high, ENCODER_COUNTS_MIN);
     struct encoder_fit fit = {.scale = both / spread};
     fit.offset = mean_value - fit.scale * mean_reading;
-    measure(readings, values, count, &fit);
+    measure_encoder(readings, values, count, &fit);
     *out = fit;
     return RESULT_OK;
 }

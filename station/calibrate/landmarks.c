@@ -2,7 +2,7 @@
 
 #include "calibrate/eigen.h"
 
-static vec3 mean_of(const vec3 *points, int count) {
+static vec3 mean_point(const vec3 *points, int count) {
     vec3 mean = {0};
     for (int i = 0; i < count; i++)
         mean = vec3_add_scaled(mean, 1.0 / count, points[i]);
@@ -11,7 +11,7 @@ static vec3 mean_of(const vec3 *points, int count) {
 
 // Σ (a_i − ā)(b_i − b̄)ᵀ
 static mat3 covariance(const vec3 *a, const vec3 *b, int count) {
-    vec3 mean_a = mean_of(a, count), mean_b = mean_of(b, count);
+    vec3 mean_a = mean_point(a, count), mean_b = mean_point(b, count);
     mat3 sum = {0};
     for (int i = 0; i < count; i++)
         sum = mat3_add_scaled(sum, 1, mat3_outer(vec3_sub(a[i], mean_a), vec3_sub(b[i], mean_b)));
@@ -61,8 +61,8 @@ enum result landmarks_register(const vec3 *in_a, const vec3 *in_b, int count,
             "the landmarks lie within %.1f mm of a straight line, less than %.0f. Choose others",
             spread, LANDMARKS_SPREAD_MM);
     quat rotation = best_rotation(in_a, in_b, count);
-    vec3 turned = quat_rotate(rotation, mean_of(in_b, count));
-    out->T_a_b = (pose){rotation, vec3_sub(mean_of(in_a, count), turned)};
+    vec3 turned = quat_rotate(rotation, mean_point(in_b, count));
+    out->T_a_b = (pose){rotation, vec3_sub(mean_point(in_a, count), turned)};
     double sum = 0;
     out->max_mm = 0;
     for (int i = 0; i < count; i++) {

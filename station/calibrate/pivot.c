@@ -43,7 +43,7 @@ static vec3 solve(const struct eigen *a, vec3 b) {
     return t;
 }
 
-static void measure(const pose *poses, int count, struct pivot *out) {
+static void measure_pivot(const pose *poses, int count, struct pivot *out) {
     double sum = 0;
     out->max_mm = 0;
     for (int i = 0; i < count; i++) {
@@ -75,6 +75,6 @@ enum result pivot_calibrate(const pose *poses, int count, struct pivot *out, str
     out->turn_deg = turn_deg;
     out->tip_mm = solve(&eigen, b);
     out->point_mm = vec3_add(mat3_apply(means.rotation, out->tip_mm), means.translation);
-    measure(poses, count, out);
+    measure_pivot(poses, count, out);
     return RESULT_OK;
 }

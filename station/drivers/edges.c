@@ -8,16 +8,16 @@
 
 #define BOUNCE_NS (5 * NS_PER_MS)
 
-static const char prefix[] = "marker.";
+static const char marker_prefix[] = "marker.";
 
 const char *edge_key(const struct device_option *option) {
-    return strncmp(option->key, prefix, strlen(prefix)) ? NULL : option->value;
+    return strncmp(option->key, marker_prefix, strlen(marker_prefix)) ? NULL : option->value;
 }
 
 enum result edge_init(struct edge *edge, const struct device_config *config, const char *key,
                       struct error *err) {
     struct marker example = {.number = 1};
-    const char *name = key + strlen(prefix);
+    const char *name = key + strlen(marker_prefix);
     *edge = (struct edge){0};
     if (!marker_name_is_valid(name))
         return option_fail(config, key, err, RESULT_INVALID,

@@ -70,8 +70,8 @@ static bool parse_hex(const char *text, uint16_t *out) {
            value <= UINT16_MAX;
 }
 
-static enum result read_number(const struct device_config *config, const char *key, uint16_t *out,
-                               struct error *err) {
+static enum result read_key_number(const struct device_config *config, const char *key,
+                                   uint16_t *out, struct error *err) {
     const char *text = option_text(config, key);
     if (!text)
         return option_fail(config, key, err, RESULT_MISSING, "is required");
@@ -169,9 +169,9 @@ static bool lacks_number(const struct hid_field *field) {
     return field->count && !field->report;
 }
 
-static enum result add_force(const struct device_config *config, enum channel channel,
-                             struct hid_layout *layout, bool *unnumbered,
-                             struct device_outputs *outputs, struct error *err) {
+static enum result add_hid_force(const struct device_config *config, enum channel channel,
+                                 struct hid_layout *layout, bool *unnumbered,
+                                 struct device_outputs *outputs, struct error *err) {
     struct hid_force *force = &layout->forces[channel];
     enum result result = read_force(config, channel, force, err);
     for (int i = 0; i < force->force.count && result == RESULT_OK; i++)
@@ -195,7 +195,8 @@ static enum result read_layout(const struct device_config *config, struct hid_la
         unnumbered |= lacks_number(&handle->opening.field) || lacks_number(&handle->buttons);
     }
     for (int c = 0; c < CHANNEL_COUNT; c++) {
-        enum result result = add_force(config, (enum channel)c, layout, &unnumbered, outputs, err);
+        enum result result =
+            add_hid_force(config, (enum channel)c, layout, &unnumbered, outputs, err);
         if (result != RESULT_OK)
             return result;
     }
@@ -222,16 +223,16 @@ static uint32_t news_of(const struct device_output *output) {
                                                : output->channel - CHANNEL_FIRST_INSTRUMENT);
 }
 
-static enum result configure(struct handle_device *d, const struct device_config *config,
-                             struct device_outputs *outputs, struct error *err) {
+static enum result configure_hid(struct handle_device *d, const struct device_config *config,
+                                 struct device_outputs *outputs, struct error *err) {
     static const char *const keys[] = {"vid",       "pid",      "serial",   "port",   "usage",
                                        "on_change", ".opening", ".buttons", ".force", "zero.",
                                        "counter",   "marker.*", NULL};
     enum result result = options_check(config, keys, err);
     if (result == RESULT_OK)
-        result = read_number(config, "vid", &d->identity.vid, err);
+        result = read_key_number(config, "vid", &d->identity.vid, err);
     if (result == RESULT_OK)
-        result = read_number(config, "pid", &d->identity.pid, err);
+        result = read_key_number(config, "pid", &d->identity.pid, err);
     if (result == RESULT_OK)
         result = read_text(config, "serial", d->identity.serial, err);
     if (result == RESULT_OK)
@@ -254,7 +255,7 @@ static enum result configure(struct handle_device *d, const struct device_config
 static enum result handle_create(const struct device_config *config, void **out_device,
                                  struct device_outputs *out_outputs, struct error *err) {
     struct handle_device *d = alloc(1, sizeof *d);
-    enum result result = configure(d, config, out_outputs, err);
+    enum result result = configure_hid(d, config, out_outputs, err);
     if (result == RESULT_OK)
         *out_device = d;
     else
@@ -374,7 +375,7 @@ static enum result take_report(struct handle_device *d, const uint8_t *bytes, si
 static void add_pack(struct handle_device *d, const struct pack *pack,
                      struct device_reading *reading) {
     int64_t times_ns[REPORTS_MAX];
-    uint32_t counts[REPORTS_MAX];
+    uint32_t counts[REPORTS_MAX] = {0};
     bool all_count = true;
     if (!pack->count)
         return;

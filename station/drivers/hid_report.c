@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { WORDS_MAX = 6, TEXT_MAX = FORCE_TEXT_MAX };
+enum { WORDS_MAX = 6, REPORT_TEXT_MAX = FORCE_TEXT_MAX };
 _Static_assert(HID_FORCE_NEWS + CHANNEL_COUNT <= 32, "the bits of news");
 
 // ---- text ---------------------------------------------------------------------------------------
@@ -46,7 +46,7 @@ static bool is_value_of(const struct hid_axis *axis, int64_t value) {
 }
 
 bool hid_axis_parse(const char *text, struct hid_axis *out_axis) {
-    char copy[TEXT_MAX], *words[WORDS_MAX];
+    char copy[REPORT_TEXT_MAX], *words[WORDS_MAX];
     if (strlen(text) >= sizeof copy)
         return false;
     strcpy(copy, text);
@@ -67,7 +67,7 @@ bool hid_axis_parse(const char *text, struct hid_axis *out_axis) {
 }
 
 bool hid_field_parse(const char *text, struct hid_field *out_field) {
-    char copy[TEXT_MAX], *words[WORDS_MAX];
+    char copy[REPORT_TEXT_MAX], *words[WORDS_MAX];
     if (strlen(text) >= sizeof copy)
         return false;
     strcpy(copy, text);
@@ -75,7 +75,7 @@ bool hid_field_parse(const char *text, struct hid_field *out_field) {
 }
 
 bool hid_gauge_parse(const char *text, struct hid_gauge *out_gauge) {
-    char copy[TEXT_MAX], *words[WORDS_MAX];
+    char copy[REPORT_TEXT_MAX], *words[WORDS_MAX];
     if (strlen(text) >= sizeof copy)
         return false;
     strcpy(copy, text);
@@ -92,7 +92,7 @@ bool hid_gauge_parse(const char *text, struct hid_gauge *out_gauge) {
 }
 
 bool hid_counter_parse(const char *text, struct hid_field *out_field, double *out_count_ms) {
-    char copy[TEXT_MAX], *words[WORDS_MAX];
+    char copy[REPORT_TEXT_MAX], *words[WORDS_MAX];
     if (strlen(text) >= sizeof copy)
         return false;
     strcpy(copy, text);
@@ -121,7 +121,7 @@ bool hid_layout_is_numbered(const struct hid_layout *layout) {
     return is_numbered(&layout->counter);
 }
 
-static uint32_t bits_of(const uint8_t *bytes, const struct hid_field *field) {
+static uint32_t bits_of_field(const uint8_t *bytes, const struct hid_field *field) {
     uint32_t value = 0;
     for (int i = 0; i < field->count; i++) {
         int bit = field->bit + i;
@@ -131,7 +131,8 @@ static uint32_t bits_of(const uint8_t *bytes, const struct hid_field *field) {
 }
 
 static int64_t raw_of(const uint8_t *bytes, const struct hid_axis *axis) {
-    int64_t value = bits_of(bytes, &axis->field), half = INT64_C(1) << (axis->field.count - 1);
+    int64_t value = bits_of_field(bytes, &axis->field), half = INT64_C(1)
+                                                               << (axis->field.count - 1);
     return axis_is_signed(axis) && value >= half ? value - 2 * half : value;
 }
 
@@ -142,7 +143,7 @@ double hid_opening(const struct hid_axis *axis, int64_t raw) {
 
 static double newtons_of(const uint8_t *bytes, const struct hid_gauge *gauge) {
     int bits = gauge->field.count;
-    int64_t range = INT64_C(1) << bits, raw = bits_of(bytes, &gauge->field);
+    int64_t range = INT64_C(1) << bits, raw = bits_of_field(bytes, &gauge->field);
     int64_t lowest = gauge->is_signed ? -range / 2 : 0, highest = lowest + range - 1;
     if (raw > highest)
         raw -= range;
@@ -192,14 +193,15 @@ static void read_forces(const struct hid_layout *layout, uint8_t report, const u
         }
 }
 
-static uint32_t read_marks(const struct hid_layout *layout, uint8_t report, const uint8_t *bytes,
-                           struct hid_state *state) {
+static uint32_t read_mark_bits(const struct hid_layout *layout, uint8_t report,
+                               const uint8_t *bytes, struct hid_state *state) {
     uint32_t news = 0;
     for (int i = 0; i < layout->mark_count; i++) {
         uint32_t bit = 1u << i;
         if (!is_in(&layout->marks[i], report))
             continue;
-        state->marks = bits_of(bytes, &layout->marks[i]) ? state->marks | bit : state->marks & ~bit;
+        state->marks =
+            bits_of_field(bytes, &layout->marks[i]) ? state->marks | bit : state->marks & ~bit;
         state->has_marks |= bit;
         news = HID_MARK_NEWS;
     }
@@ -217,7 +219,7 @@ enum result hid_report_read(const struct hid_layout *layout, const uint8_t *byte
     enum result result = check_sizes(layout, report, size - numbered, err);
     state->has_count = result == RESULT_OK && is_in(&layout->counter, report);
     if (state->has_count)
-        state->count = bits_of(bytes, &layout->counter);
+        state->count = bits_of_field(bytes, &layout->counter);
     for (int i = 0; i < INSTRUMENT_COUNT && result == RESULT_OK; i++) {
         const struct hid_handle *handle = &layout->handles[i];
         bool opening = is_in(&handle->opening.field, report),
@@ -226,14 +228,14 @@ enum result hid_report_read(const struct hid_layout *layout, const uint8_t *byte
             state->handles[i].opening =
                 hid_opening(&handle->opening, raw_of(bytes, &handle->opening));
         if (buttons)
-            state->handles[i].buttons = bits_of(bytes, &handle->buttons);
+            state->handles[i].buttons = bits_of_field(bytes, &handle->buttons);
         state->has_opening[i] |= opening;
         state->has_buttons[i] |= buttons;
         *out_news |= (uint32_t)(opening || buttons) << i;
     }
     if (result == RESULT_OK) {
         read_forces(layout, report, bytes, state, out_news);
-        *out_news |= read_marks(layout, report, bytes, state);
+        *out_news |= read_mark_bits(layout, report, bytes, state);
     }
     return result;
 }

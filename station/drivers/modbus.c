@@ -269,8 +269,8 @@ static bool is_time(struct modbus_device *d) {
     return true;
 }
 
-static int ask(struct modbus_device *d, const struct modbus_request *request, uint16_t *out_words,
-               int64_t *out_time_ns) {
+static int ask_device(struct modbus_device *d, const struct modbus_request *request,
+                      uint16_t *out_words, int64_t *out_time_ns) {
     int code = modbus_line_ask(d->line, &d->user, request, out_words, out_time_ns);
     d->timeouts = code ? d->timeouts : 0;
     d->answered |= !code;
@@ -284,7 +284,7 @@ static enum result ask_for_registers(struct modbus_device *d, struct device_read
     uint16_t registers[MODBUS_MAX_READ_REGISTERS];
     int64_t time_ns;
     bool is_new;
-    int code = ask(d, &s->request, registers, &time_ns);
+    int code = ask_device(d, &s->request, registers, &time_ns);
     if (code)
         return explain(d, &s->request, code, reading, err);
     reading->heard = true;
@@ -301,7 +301,7 @@ static enum result ask_for_bits(struct modbus_device *d, enum modbus_bits kind,
     const struct modbus_request *request = &d->settings.edges.requests[kind];
     uint16_t bits[MODBUS_EDGE_BITS_MAX];
     int64_t time_ns;
-    int code = ask(d, request, bits, &time_ns);
+    int code = ask_device(d, request, bits, &time_ns);
     if (code)
         return explain(d, request, code, reading, err);
     reading->heard = true;

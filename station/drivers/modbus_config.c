@@ -42,8 +42,8 @@ static enum result add_value(struct modbus_settings *s, const struct device_conf
     return text ? add_text(s, config, key, text, channel, what, err) : RESULT_OK;
 }
 
-static enum result add_force(struct modbus_settings *s, const struct device_config *config,
-                             enum channel channel, struct error *err) {
+static enum result add_modbus_force(struct modbus_settings *s, const struct device_config *config,
+                                    enum channel channel, struct error *err) {
     char key[64], parts[FORCE_PARTS_MAX][FORCE_TEXT_MAX];
     enum result result = RESULT_OK;
     struct force *force = &s->forces[channel];
@@ -97,7 +97,7 @@ static enum result configure_values(struct modbus_settings *s, const struct devi
     for (int c = CHANNEL_FIRST_INSTRUMENT; c < CHANNEL_COUNT && result == RESULT_OK; c++)
         result = add_handle(s, config, (enum channel)c, err);
     for (int c = 0; c < CHANNEL_COUNT && result == RESULT_OK; c++)
-        result = add_force(s, config, (enum channel)c, err);
+        result = add_modbus_force(s, config, (enum channel)c, err);
     if (result != RESULT_OK)
         return result;
     if (!s->value_count && !s->edges.count)

@@ -6,9 +6,9 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { ADDRESSES = 65536, TEXT_MAX = 64 };
+enum { ADDRESSES = 65536, EDGE_TEXT_MAX = 64 };
 
-static const char *const words[] = {"coil ", "input ", "register "};
+static const char *const kind_words[] = {"coil ", "input ", "register "};
 enum { REGISTER_WORD = MODBUS_BITS_COUNT, WORDS };
 
 // ---- config -------------------------------------------------------------------------------------
@@ -24,13 +24,13 @@ static bool parse_bit(char *text, int first, struct modbus_edge *out) {
 
 static bool parse(const char *text, const struct modbus_numbering *numbering,
                   struct modbus_edge *out) {
-    char rest[TEXT_MAX];
+    char rest[EDGE_TEXT_MAX];
     int word = 0;
-    while (word < WORDS && strncmp(text, words[word], strlen(words[word])) != 0)
+    while (word < WORDS && strncmp(text, kind_words[word], strlen(kind_words[word])) != 0)
         word++;
     if (word == WORDS || strlen(text) >= sizeof rest)
         return false;
-    strcpy(rest, text + strlen(words[word]));
+    strcpy(rest, text + strlen(kind_words[word]));
     out->kind = (enum modbus_bits)word;
     out->is_register = word == REGISTER_WORD;
     if (!out->is_register)
@@ -40,9 +40,9 @@ static bool parse(const char *text, const struct modbus_numbering *numbering,
     return modbus_value_parse(rest, numbering, &out->in);
 }
 
-static enum result add(struct modbus_edges *e, const struct device_config *config,
-                       const struct device_option *option, const struct modbus_numbering *numbering,
-                       struct error *err) {
+static enum result add_edge(struct modbus_edges *e, const struct device_config *config,
+                            const struct device_option *option,
+                            const struct modbus_numbering *numbering, struct error *err) {
     struct modbus_edge *edge = &e->all[e->count];
     if (e->count == EDGES_MAX)
         return option_fail(config, option->key, err, RESULT_LIMIT,
@@ -91,7 +91,7 @@ enum result modbus_edges_read(const struct device_config *config,
     *out = (struct modbus_edges){0};
     for (int i = 0; i < config->option_count; i++) {
         enum result result = edge_key(&config->options[i])
-                                 ? add(out, config, &config->options[i], numbering, err)
+                                 ? add_edge(out, config, &config->options[i], numbering, err)
                                  : RESULT_OK;
         if (result != RESULT_OK)
             return result;

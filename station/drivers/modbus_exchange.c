@@ -67,8 +67,8 @@ static int take_echo(struct modbus_connection *c, const uint8_t request[REQUEST_
     return came_back ? 0 : is_reply(bytes, sizeof bytes, request) ? MODBUS_NO_ECHO : EMBBADDATA;
 }
 
-static int send_request(struct modbus_connection *c, const struct modbus_request *r,
-                        int64_t deadline_ns) {
+static int send_modbus_request(struct modbus_connection *c, const struct modbus_request *r,
+                               int64_t deadline_ns) {
     uint8_t request[REQUEST_BYTES];
     encode(r, request);
     if (!c->is_serial)
@@ -143,7 +143,7 @@ int modbus_send(struct modbus_connection *c, const struct modbus_request *r,
     int64_t now_ns = clock_now_ns();
     *out_deadline_ns = now_ns + r->timeout_ms * NS_PER_MS;
     modbus_set_slave(c->modbus, r->slave);
-    return send_request(c, r, now_ns + reply_slack_ns + 2 * RTU_BYTES * c->byte_ns);
+    return send_modbus_request(c, r, now_ns + reply_slack_ns + 2 * RTU_BYTES * c->byte_ns);
 }
 
 int modbus_receive_reply(struct modbus_connection *c, const struct modbus_request *r,

@@ -229,7 +229,7 @@ static void finish(struct modbus_line *line, int code) {
         disconnect(line);
 }
 
-static int send_request(struct modbus_line *line, struct modbus_user *user,
+static int send_on_line(struct modbus_line *line, struct modbus_user *user,
                         const struct modbus_request *request) {
     if (line->is_serial)
         keep_apart(line);
@@ -244,12 +244,12 @@ static int send_request(struct modbus_line *line, struct modbus_user *user,
     return modbus_send(&line->connection, request, &user->deadline_ns);
 }
 
-static int ask(struct modbus_line *line, struct modbus_user *user,
-               const struct modbus_request *request, int64_t until_ns, uint16_t *out_registers,
-               int64_t *out_time_ns) {
+static int ask_line(struct modbus_line *line, struct modbus_user *user,
+                    const struct modbus_request *request, int64_t until_ns, uint16_t *out_registers,
+                    int64_t *out_time_ns) {
     if (!line->connection.modbus || line->connection_number != user->connection)
         return ENOTCONN;
-    int code = user->has_asked ? 0 : send_request(line, user, request);
+    int code = user->has_asked ? 0 : send_on_line(line, user, request);
     if (!code)
         code = modbus_receive_reply(&line->connection, request, user->deadline_ns, until_ns,
                                     out_registers);
@@ -265,7 +265,7 @@ int modbus_line_ask(struct modbus_line *line, struct modbus_user *user,
     int64_t until_ns = clock_now_ns() + POLL_MAX_NS;
     if (!take_turn(line, user, until_ns))
         return MODBUS_PENDING;
-    int code = ask(line, user, request, until_ns, out_registers, out_time_ns);
+    int code = ask_line(line, user, request, until_ns, out_registers, out_time_ns);
     if (code == MODBUS_PENDING)
         return code;
     if (!code || modbus_is_answer(code)) {

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { TEXT_MAX = 256, ADDRESS_MAX = 65535 };
+enum { VALUE_TEXT_MAX = 256, ADDRESS_MAX = 65535 };
 
 const char *const modbus_order_names[] = {"ABCD", "CDAB", "BADC", "DCBA", NULL};
 
@@ -47,11 +47,11 @@ static bool parse_type(const char *word, struct modbus_value *v) {
 
 bool modbus_value_parse(const char *text, const struct modbus_numbering *numbering,
                         struct modbus_value *v) {
-    char copy[TEXT_MAX], *rest;
+    char copy[VALUE_TEXT_MAX], *rest;
     double numbers[3] = {0, 1, 0};
     int count = 0;
     bool ended = false;
-    if (snprintf(copy, sizeof copy, "%s", text) >= TEXT_MAX)
+    if (snprintf(copy, sizeof copy, "%s", text) >= VALUE_TEXT_MAX)
         return false;
     for (char *word = strtok_r(copy, " \t", &rest); word; word = strtok_r(NULL, " \t", &rest)) {
         bool is_number = number_double(word, -1e9, 1e9, &numbers[count < 3 ? count : 2]);
@@ -79,8 +79,8 @@ uint16_t modbus_word(enum modbus_order order, uint16_t word) {
     return exchanged ? (uint16_t)(word << 8 | word >> 8) : word;
 }
 
-static uint32_t bits_of(const struct modbus_value *v, enum modbus_order order,
-                        const uint16_t *words) {
+static uint32_t bits_of_words(const struct modbus_value *v, enum modbus_order order,
+                              const uint16_t *words) {
     uint32_t first = modbus_word(order, words[0]);
     if (modbus_value_words(v) == 1)
         return first;
@@ -91,7 +91,7 @@ static uint32_t bits_of(const struct modbus_value *v, enum modbus_order order,
 
 bool modbus_value_is_at_end(const struct modbus_value *v, enum modbus_order order,
                             const uint16_t *words) {
-    uint32_t all = UINT32_MAX >> (32 - v->bits), bits = bits_of(v, order, words) & all;
+    uint32_t all = UINT32_MAX >> (32 - v->bits), bits = bits_of_words(v, order, words) & all;
     uint32_t lowest = all / 2 + 1; // of two's complement, as bits
     if (v->kind == MODBUS_FLOAT || v->bits < 8)
         return false;
@@ -100,7 +100,7 @@ bool modbus_value_is_at_end(const struct modbus_value *v, enum modbus_order orde
 
 double modbus_value_number(const struct modbus_value *v, enum modbus_order order,
                            const uint16_t *words) {
-    uint32_t bits = bits_of(v, order, words);
+    uint32_t bits = bits_of_words(v, order, words);
     double raw;
     if (v->kind == MODBUS_FLOAT) {
         float number;

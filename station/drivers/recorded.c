@@ -48,8 +48,8 @@ static enum result read_file(struct recorded *d, const struct device_config *con
                                : fail_in(err, result, "[device %s] file: ", config->name);
 }
 
-static enum result configure(struct recorded *d, const struct device_config *config,
-                             struct error *err) {
+static enum result configure_recorded(struct recorded *d, const struct device_config *config,
+                                      struct error *err) {
     static const char *const keys[] = {"file", "channel",          "loop", "tool.",
                                        "tip.", "T_mockup_tracker", NULL};
     char file[OPTION_TEXT_MAX];
@@ -73,7 +73,7 @@ static enum result configure(struct recorded *d, const struct device_config *con
 static enum result recorded_create(const struct device_config *config, void **out_device,
                                    struct device_outputs *out_outputs, struct error *err) {
     struct recorded *d = alloc(1, sizeof *d);
-    enum result result = configure(d, config, err);
+    enum result result = configure_recorded(d, config, err);
     if (result != RESULT_OK) {
         recording_fini(&d->recording);
         free(d);

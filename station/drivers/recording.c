@@ -142,8 +142,8 @@ static enum result read_names(struct csv *csv, enum channel unnamed, struct reco
 
 // ---- rows ---------------------------------------------------------------------------------------
 
-static enum result read_number(const struct csv *csv, int column, double *out_value,
-                               struct error *err) {
+static enum result read_cell(const struct csv *csv, int column, double *out_value,
+                             struct error *err) {
     const char *text = csv->fields[column];
     char *end;
     *out_value = strtod(text, &end);
@@ -153,18 +153,18 @@ static enum result read_number(const struct csv *csv, int column, double *out_va
     return RESULT_OK;
 }
 
-static enum result read_numbers(const struct csv *csv, const int *columns, int count,
-                                double *out_values, struct error *err) {
+static enum result read_cells(const struct csv *csv, const int *columns, int count,
+                              double *out_values, struct error *err) {
     enum result result = RESULT_OK;
     for (int i = 0; i < count && result == RESULT_OK; i++)
-        result = read_number(csv, columns[i], &out_values[i], err);
+        result = read_cell(csv, columns[i], &out_values[i], err);
     return result;
 }
 
 // Column -1: there is none, and the value stays.
 static enum result read_within(const struct csv *csv, int column, double low, double high,
                                double *value, struct error *err) {
-    enum result result = column < 0 ? RESULT_OK : read_number(csv, column, value, err);
+    enum result result = column < 0 ? RESULT_OK : read_cell(csv, column, value, err);
     if (result == RESULT_OK && (*value < low || *value > high))
         return fail(err, RESULT_FORMAT, "%s:%d: %s: %g is not from %g to %g", csv->path, csv->line,
                     csv->columns[column], *value, low, high);
@@ -175,7 +175,7 @@ static enum result read_state(const struct csv *csv, int tool, struct recording_
                               struct error *err) {
     double n[TOOL_COLUMNS], opening = 0, force_n = 0;
     const int *columns = csv->tools[tool].columns;
-    enum result result = read_numbers(csv, columns, TOOL_COLUMNS, n, err);
+    enum result result = read_cells(csv, columns, TOOL_COLUMNS, n, err);
     if (result == RESULT_OK)
         result = read_within(csv, csv->tools[tool].opening, 0, 1, &opening, err);
     if (result == RESULT_OK)
@@ -196,7 +196,7 @@ static enum result read_state(const struct csv *csv, int tool, struct recording_
     return RESULT_OK;
 }
 
-static void make_room(struct recording *r, bool has_joint, int rows) {
+static void make_rows(struct recording *r, bool has_joint, int rows) {
     size_t count = (size_t)rows;
     r->t_seconds = alloc_resize(r->t_seconds, count, sizeof *r->t_seconds);
     if (has_joint)
@@ -210,13 +210,13 @@ static enum result read_row(const struct csv *csv, struct recording *r, struct e
     if (csv->field_count != csv->column_count)
         return fail(err, RESULT_FORMAT, "%s:%d: %d columns where the first row has %d", csv->path,
                     csv->line, csv->field_count, csv->column_count);
-    enum result result = read_number(csv, csv->time, &r->t_seconds[row], err);
+    enum result result = read_cell(csv, csv->time, &r->t_seconds[row], err);
     if (result == RESULT_OK && row && r->t_seconds[row] <= r->t_seconds[row - 1])
         return fail(err, RESULT_FORMAT, "%s:%d: t_seconds: %g does not follow %g", csv->path,
                     csv->line, r->t_seconds[row], r->t_seconds[row - 1]);
     if (result == RESULT_OK && r->joints) {
         double n[JOINT_COLUMNS];
-        result = read_numbers(csv, csv->joint, JOINT_COLUMNS, n, err);
+        result = read_cells(csv, csv->joint, JOINT_COLUMNS, n, err);
         r->joints[row] = (struct joint_angles){n[0], n[1], n[2], n[3], n[4], n[5]};
     }
     for (int i = 0; i < r->tool_count && result == RESULT_OK; i++)
@@ -233,7 +233,7 @@ static enum result read_rows(struct csv *csv, struct recording *r, bool has_join
             return fail(err, RESULT_LIMIT, "%s:%d: more than %d rows", csv->path, csv->line,
                         RECORDING_ROWS_MAX);
         if (r->row_count == room)
-            make_room(r, has_joint, room = room ? 2 * room : 1024);
+            make_rows(r, has_joint, room = room ? 2 * room : 1024);
         result = read_row(csv, r, err);
         if (result != RESULT_OK)
             return result;

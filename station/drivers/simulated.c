@@ -38,7 +38,7 @@ static double normal(struct simulated *d) {
 static enum result simulated_create(const struct device_config *config, void **out_device,
                                     struct device_outputs *out_outputs, struct error *err) {
     static const char *const keys[] = {"seed", "rate_hz", "noise_mm", NULL};
-    int seed;
+    int seed = 0;
     double rate_hz, noise_mm;
     enum result result = options_check(config, keys, err);
     if (result == RESULT_OK)

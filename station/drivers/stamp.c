@@ -6,7 +6,7 @@
 
 #define SET_BACK_NS (20 * NS_PER_MS) // tools' stamps may cross by less
 
-static const int64_t creep = 1000; // clocks may drift apart by 1 part in so many
+static const int64_t clock_creep = 1000; // clocks may drift apart by 1 part in so many
 
 static void start(struct stamp_clock *c, int64_t stamp_ns, int64_t arrival_ns) {
     *c = (struct stamp_clock){.known = true, .arrival_ns = arrival_ns, .good_ns = arrival_ns};
@@ -18,7 +18,7 @@ enum stamp_verdict stamp_judge(struct stamp_clock *c, int64_t stamp_ns, int64_t 
         start(c, stamp_ns, arrival_ns);
         return STAMP_GOOD;
     }
-    int64_t crept = (arrival_ns - c->arrival_ns) / creep;
+    int64_t crept = (arrival_ns - c->arrival_ns) / clock_creep;
     c->offset_ns += crept;
     c->told_ns -= crept; // a clock that is a little fast is not told about
     if (c->told_ns < c->offset_ns)
@@ -89,7 +89,7 @@ static void fit_line(struct stamp_fit *f) {
         edge++;
     f->line = *hull[edge];
     double slope = count > 1 ? slope_between(hull[edge], hull[edge + 1]) : 0;
-    f->slope = fmax(-1.0 / (double)creep, fmin(1.0 / (double)creep, slope));
+    f->slope = fmax(-1.0 / (double)clock_creep, fmin(1.0 / (double)clock_creep, slope));
 }
 
 static void take_way(struct stamp_fit *f, struct stamp_way new) {

@@ -103,8 +103,8 @@ static enum result configure_tools(struct tracker *d, const struct device_config
     return result;
 }
 
-static enum result configure(struct tracker *d, const struct device_config *config,
-                             struct device_outputs *outputs, struct error *err) {
+static enum result configure_tracker(struct tracker *d, const struct device_config *config,
+                                     struct device_outputs *outputs, struct error *err) {
     static const char *const keys[] = {"address",     "tool.",    "tip.",    "T_mockup_tracker",
                                        "stamps",      "device",   "request", "request_ms",
                                        "coordinates", "force.",   "zero.",   "elements.",
@@ -134,7 +134,7 @@ static enum result configure(struct tracker *d, const struct device_config *conf
 static enum result tracker_create(const struct device_config *config, void **out_device,
                                   struct device_outputs *out_outputs, struct error *err) {
     struct tracker *d = alloc(1, sizeof *d);
-    enum result result = configure(d, config, out_outputs, err);
+    enum result result = configure_tracker(d, config, out_outputs, err);
     if (result == RESULT_OK)
         *out_device = d;
     else
@@ -230,7 +230,7 @@ static enum result tell_ahead(const struct tracker *d, struct error *err) {
                 (long long)(-d->clock.lateness_ns / NS_PER_MS));
 }
 
-static enum result check_stamp(struct tracker *d, int64_t time_ns, struct error *err) {
+static enum result check_pose_stamp(struct tracker *d, int64_t time_ns, struct error *err) {
     if (has_stamp(d) && moves_under_one_stamp(d, time_ns))
         ignore_stamps(d, "they stand still while a tool moves");
     if (!has_stamp(d))
@@ -335,7 +335,7 @@ static enum result check_version(struct tracker *d, struct error *err) {
 }
 
 // Logged once for each status and connection: its text may have a number that counts.
-static void take_status(struct tracker *d) {
+static void take_tracker_status(struct tracker *d) {
     uint32_t bit = 1U << (d->message.status & 31);
     bool is_new = !(d->told & bit);
     d->status = d->message.status;
@@ -390,7 +390,7 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
             event = take_string(d, time_ns, reading);
         if (event == IGTL_POSES && is_of_another_device(d))
             event = IGTL_SKIPPED;
-        if (event == IGTL_POSES && check_stamp(d, time_ns, err) != RESULT_OK)
+        if (event == IGTL_POSES && check_pose_stamp(d, time_ns, err) != RESULT_OK)
             event = IGTL_REFUSED;
         if (event == IGTL_POSES) {
             igtl_request_answered(&d->request, &d->message, time_ns);
@@ -398,7 +398,7 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
         }
         d->denied |= event == IGTL_DENIED;
         if (event == IGTL_STATUS)
-            take_status(d);
+            take_tracker_status(d);
         if (event == IGTL_SKIPPED)
             heard_message(&d->heard, d->message.type, time_ns);
         reading->skipped += event == IGTL_SKIPPED || event == IGTL_STATUS;
@@ -410,7 +410,7 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
 }
 
 // A part of a request would spoil all that follow.
-static enum result send_request(struct tracker *d, struct error *err) {
+static enum result send_tracker_request(struct tracker *d, struct error *err) {
     uint8_t bytes[IGTL_REQUEST_BYTES_MAX];
     size_t size = igtl_request_next(&d->request, clock_now_ns(), bytes);
     if (!size)
@@ -444,7 +444,7 @@ static enum result tell_silence(const struct tracker *d, struct error *err) {
 static enum result tracker_poll(void *device, struct device_reading *reading, struct error *err) {
     struct tracker *d = device;
     uint8_t bytes[16384];
-    if (send_request(d, err) != RESULT_OK)
+    if (send_tracker_request(d, err) != RESULT_OK)
         return RESULT_CLOSED;
     struct pollfd ready = {.fd = d->fd, .events = POLLIN};
     int64_t now_ns = clock_now_ns(), due_ns = igtl_request_due_ns(&d->request, now_ns);

@@ -98,8 +98,8 @@ static enum result read_parts(const struct tracker_force *f, const struct igtl_m
     return RESULT_OK;
 }
 
-static enum result check_stamp(struct tracker_force *f, const struct igtl_message *m,
-                               int64_t arrival_ns, struct error *err) {
+static enum result check_force_stamp(struct tracker_force *f, const struct igtl_message *m,
+                                     int64_t arrival_ns, struct error *err) {
     enum stamp_verdict verdict = stamp_judge(&f->clock, m->stamp_ns, arrival_ns);
     if (verdict == STAMP_GOOD)
         return RESULT_OK;
@@ -124,7 +124,7 @@ static enum result take(struct tracker_force *f, enum channel channel, bool uses
         f->is_unstamped = true;
     }
     bool stamped = uses_stamps && !f->is_unstamped && m->stamp_ns;
-    if (stamped && (result = check_stamp(f, m, arrival_ns, err)) != RESULT_OK)
+    if (stamped && (result = check_force_stamp(f, m, arrival_ns, err)) != RESULT_OK)
         return result;
     if (stamped && said_again)
         return RESULT_OK;

@@ -8,8 +8,8 @@
 
 static const char word[] = "string ";
 
-static enum result add(struct tracker_markers *m, const struct device_config *config,
-                       const struct device_option *option, struct error *err) {
+static enum result add_marker(struct tracker_markers *m, const struct device_config *config,
+                              const struct device_option *option, struct error *err) {
     struct tracker_marker *marker = &m->all[m->count];
     const char *device = option->value + strlen(word);
     if (m->count == EDGES_MAX)
@@ -32,8 +32,9 @@ enum result tracker_markers_configure(const struct device_config *config,
                                       struct tracker_markers *out, struct error *err) {
     *out = (struct tracker_markers){0};
     for (int i = 0; i < config->option_count; i++) {
-        enum result result =
-            edge_key(&config->options[i]) ? add(out, config, &config->options[i], err) : RESULT_OK;
+        enum result result = edge_key(&config->options[i])
+                                 ? add_marker(out, config, &config->options[i], err)
+                                 : RESULT_OK;
         if (result != RESULT_OK)
             return result;
     }

@@ -14,7 +14,7 @@
 
 #define DATAGRAMS_LIVE_NS (2 * NS_PER_S)
 #define CONNECT_S 5
-#define PATIENCE_US (3 * LWS_US_PER_SEC) // until Welcome, while there is another server
+#define WELCOME_PATIENCE_US (3 * LWS_US_PER_SEC) // until Welcome, while there is another server
 #define QUEUE_LENGTH 16
 #define UTC_MAX_S (INT64_C(1) << 40)
 
@@ -323,7 +323,7 @@ static int hear_chunk(struct link *link, size_t size) {
     return 0;
 }
 
-static int hear(struct link *link, const void *bytes, size_t size) {
+static int hear_control(struct link *link, const void *bytes, size_t size) {
     struct control_connection *control = &link->control;
     int64_t now_ns = clock_now_ns();
     struct error err;
@@ -399,7 +399,7 @@ static void take_keys(struct link *link) {
         log_warning("link", "%s; keeping the previous certificate", err.text);
 }
 
-static void lose_patience(lws_sorted_usec_list_t *patience) {
+static void lose_control_patience(lws_sorted_usec_list_t *patience) {
     struct control_connection *control =
         lws_container_of(patience, struct control_connection, patience);
     struct link *link = lws_container_of(control, struct link, control);
@@ -431,7 +431,8 @@ static void connect_to(struct link *link, const struct server_address *server) {
         return;
     }
     if (servers_has_other(&control->servers))
-        lws_sul_schedule(control->context, 0, &control->patience, lose_patience, PATIENCE_US);
+        lws_sul_schedule(control->context, 0, &control->patience, lose_control_patience,
+                         WELCOME_PATIENCE_US);
     if (!lws_client_connect_via_info(&info)) {
         log_trouble(link, trouble_sentence(NULL));
         try_again(link);
@@ -499,8 +500,8 @@ static void disconnected(struct link *link) {
     try_again(link);
 }
 
-static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
-                    size_t size) {
+static int on_control_event(struct lws *socket, enum lws_callback_reasons reason, void *user,
+                            void *bytes, size_t size) {
     (void)user;
     struct link *link = lws_context_user(lws_get_context(socket));
     switch (reason) {
@@ -508,7 +509,7 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
         connected(link, socket);
         return 0;
     case LWS_CALLBACK_CLIENT_RECEIVE:
-        return hear(link, bytes, size);
+        return hear_control(link, bytes, size);
     case LWS_CALLBACK_CLIENT_WRITEABLE:
         return write_next(link);
     case LWS_CALLBACK_TIMER:
@@ -531,8 +532,8 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
     }
 }
 
-static const struct lws_protocols protocols[] = {
-    {.name = WIRE_SUBPROTOCOL, .callback = on_event},
+static const struct lws_protocols control_protocols[] = {
+    {.name = WIRE_SUBPROTOCOL, .callback = on_control_event},
     {0},
 };
 
@@ -546,7 +547,7 @@ static bool machine_has_ipv6(void) {
 enum result control_init(struct link *link, struct error *err) {
     struct lws_context_creation_info info = {
         .port = CONTEXT_PORT_NO_LISTEN,
-        .protocols = protocols,
+        .protocols = control_protocols,
         .provided_client_ssl_ctx = link->trust.context,
         .options = LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT |
                    (machine_has_ipv6() ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6),

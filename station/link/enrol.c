@@ -13,7 +13,7 @@
 #include <openssl/x509.h>
 #include <string.h>
 
-#define PATIENCE_US (15 * LWS_USEC_PER_SEC)
+#define ENROL_PATIENCE_US (15 * LWS_USEC_PER_SEC)
 #define STOP_US (100 * LWS_US_PER_MS) // how often it is looked whether the caller stops
 
 struct enrol_client {
@@ -68,7 +68,8 @@ static void read_answer(struct enrol_client *e) {
     }
 }
 
-static int hear(struct enrol_client *e, struct lws *socket, const void *bytes, size_t size) {
+static int hear_enrolment(struct enrol_client *e, struct lws *socket, const void *bytes,
+                          size_t size) {
     if (size > sizeof e->answer - e->used) {
         finish(e, RESULT_LIMIT, "the server's answer is too long");
         return -1;
@@ -80,14 +81,14 @@ static int hear(struct enrol_client *e, struct lws *socket, const void *bytes, s
     return e->done ? -1 : 0;
 }
 
-static int ask(struct enrol_client *e, struct lws *socket) {
+static int ask_certificate(struct enrol_client *e, struct lws *socket) {
     size_t size = e->request_size;
     e->request_size = 0;
     return size && lws_write(socket, e->request, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
 }
 
-static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
-                    size_t size) {
+static int on_enrol_event(struct lws *socket, enum lws_callback_reasons reason, void *user,
+                          void *bytes, size_t size) {
     (void)user;
     struct enrol_client *e = lws_context_user(lws_get_context(socket));
     switch (reason) {
@@ -95,9 +96,9 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
         lws_callback_on_writable(socket);
         return 0;
     case LWS_CALLBACK_CLIENT_WRITEABLE:
-        return ask(e, socket);
+        return ask_certificate(e, socket);
     case LWS_CALLBACK_CLIENT_RECEIVE:
-        return hear(e, socket, bytes, size);
+        return hear_enrolment(e, socket, bytes, size);
     case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
         give_up(e, trouble_sentence(bytes));
         return 0;
@@ -109,7 +110,7 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
     }
 }
 
-static void lose_patience(lws_sorted_usec_list_t *patience) {
+static void lose_enrol_patience(lws_sorted_usec_list_t *patience) {
     finish(lws_container_of(patience, struct enrol_client, patience), RESULT_TIMEOUT,
            "no answer within 15 s");
 }
@@ -124,7 +125,7 @@ static void look_for_stop(lws_sorted_usec_list_t *stop) {
 
 static void converse(struct enrol_client *e) {
     static const struct lws_protocols protocols[] = {
-        {.name = WIRE_ENROL_SUBPROTOCOL, .callback = on_event},
+        {.name = WIRE_ENROL_SUBPROTOCOL, .callback = on_enrol_event},
         {0},
     };
     struct lws_context_creation_info info = {
@@ -151,7 +152,7 @@ static void converse(struct enrol_client *e) {
         // trust.c checks the name, for addresses too
         .ssl_connection = LCCSCF_USE_SSL | LCCSCF_SKIP_SERVER_CERT_HOSTNAME_CHECK,
     };
-    lws_sul_schedule(e->context, 0, &e->patience, lose_patience, PATIENCE_US);
+    lws_sul_schedule(e->context, 0, &e->patience, lose_enrol_patience, ENROL_PATIENCE_US);
     if (e->stopping)
         lws_sul_schedule(e->context, 0, &e->stop, look_for_stop, STOP_US);
     if (!lws_client_connect_via_info(&to))
@@ -178,8 +179,8 @@ static size_t encode_request(EVP_PKEY *key, const char *station, uint8_t *der, s
     return length > 0 && (size_t)length <= size ? (size_t)length : 0;
 }
 
-static enum result prepare(struct enrol_client *e, const char *code, const char *station,
-                           EVP_PKEY *key, struct error *err) {
+static enum result prepare_enrolment(struct enrol_client *e, const char *code, const char *station,
+                                     EVP_PKEY *key, struct error *err) {
     arthron_Control message = {.which_message = arthron_Control_enrol_tag};
     arthron_Enrol *enrol = &message.message.enrol;
     size_t size =
@@ -233,7 +234,7 @@ static enum result exchange(struct enrol_client *e, const char *code, const char
     NEED(key, "memory");
     enum result result = trust_expect(&e->trust, e->host, err);
     if (result == RESULT_OK)
-        result = prepare(e, code, station, key, err);
+        result = prepare_enrolment(e, code, station, key, err);
     if (result == RESULT_OK) {
         converse(e);
         result = e->result;

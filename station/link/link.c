@@ -319,7 +319,7 @@ static void release(struct link *link) {
     free(link);
 }
 
-static struct link *prepare(const struct link_config *config) {
+static struct link *prepare_link(const struct link_config *config) {
     struct link *link = alloc(1, sizeof *link);
     link->config = *config;
     link->config.keys_dir = alloc_text(config->keys_dir);
@@ -358,7 +358,7 @@ static void *serve(void *link) {
 
 enum result link_create(const struct link_config *config, struct link **out_link,
                         struct error *err) {
-    struct link *link = prepare(config);
+    struct link *link = prepare_link(config);
     enum result result = trust_init(&link->trust, config->keys_dir, err);
     for (int i = 0; i < config->server_count && result == RESULT_OK; i++)
         result = trust_expect(&link->trust, config->servers[i].host, err);

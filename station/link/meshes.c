@@ -140,7 +140,7 @@ static struct followed *add(struct meshes *meshes, const char *group) {
     return followed;
 }
 
-static void begin(struct followed *followed, const arthron_MeshChunk *chunk) {
+static void begin_mesh(struct followed *followed, const arthron_MeshChunk *chunk) {
     give_up_payload(followed);
     followed->payload = alloc(chunk->size, 1);
     followed->base = chunk->base;
@@ -160,7 +160,7 @@ static bool is_next(const struct followed *followed, const arthron_MeshChunk *ch
 static bool collect(struct meshes *meshes, struct followed *followed,
                     const arthron_MeshChunk *chunk) {
     if (chunk->index == 0)
-        begin(followed, chunk);
+        begin_mesh(followed, chunk);
     if (!is_next(followed, chunk))
         return false;
     memcpy(followed->payload + (size_t)chunk->index * WIRE_CHUNK_DATA, chunk->data.bytes,

@@ -126,7 +126,7 @@ enum result trust_expect(struct trust *trust, const char *host, struct error *er
     return fail(err, RESULT_INVALID, "'%s' is neither a host name nor an address", host);
 }
 
-static void begin(struct trust *trust) {
+static void begin_trust(struct trust *trust) {
     trust->context = SSL_CTX_new(TLS_client_method());
     NEED(trust->context, "memory");
     SSL_CTX_set_min_proto_version(trust->context, TLS1_3_VERSION);
@@ -151,7 +151,7 @@ static enum result load_keys(SSL_CTX *context, const struct key_files *files, st
 enum result trust_init(struct trust *trust, const char *keys_dir, struct error *err) {
     *trust = (struct trust){0};
     struct key_files files;
-    begin(trust);
+    begin_trust(trust);
     enum result result = key_files_find(keys_dir, &files, err);
     if (result == RESULT_OK)
         result = load_keys(trust->context, &files, err);
@@ -177,7 +177,7 @@ enum result trust_renew(struct trust *trust, const char *keys_dir, struct error 
 
 void trust_init_code(struct trust *trust, const struct code *code) {
     *trust = (struct trust){.code = code};
-    begin(trust);
+    begin_trust(trust);
 }
 
 void trust_fini(struct trust *trust) {

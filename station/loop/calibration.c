@@ -12,8 +12,8 @@
 
 #define DATE_FORMAT "%Y-%m-%dT%H:%M:%SZ"
 
-static const char *const kind_names[CALIBRATION_KIND_COUNT] = {"tip", "registration", "encoder",
-                                                               "delay"};
+static const char *const calibration_kind_names[CALIBRATION_KIND_COUNT] = {"tip", "registration",
+                                                                           "encoder", "delay"};
 
 bool calibration_is_angle(const struct calibration_entry *entry) {
     return entry->kind == CALIBRATION_ENCODER &&
@@ -143,7 +143,7 @@ static const struct setting_key encoder_keys[] = {
 static const struct setting_key delay_keys[] = {
     KEYS_OF_ALL, {"delay_ms", SETTING_NUMBER, IN_ENTRY(delay_ms), 0, 1000}, {0}};
 
-static const struct setting_section sections[] = {
+static const struct setting_section calibration_sections[] = {
     {"tip DEVICE CHANNEL", tip_keys, find_tip},
     {"registration DEVICE", registration_keys, find_registration},
     {"encoder DEVICE KEY", encoder_keys, find_encoder},
@@ -158,11 +158,11 @@ static bool is_complete(const struct calibration_entry *entry) {
 
 enum result calibration_read(const char *path, struct calibration *out, struct error *err) {
     memset(out, 0, sizeof *out);
-    enum result result = settings_load(path, NULL, 0, sections, out, err);
+    enum result result = settings_load(path, NULL, 0, calibration_sections, out, err);
     for (int i = 0; i < out->count && result == RESULT_OK; i++)
         if (!is_complete(&out->entries[i]))
             result = fail(err, RESULT_MISSING, "%s: [%s %s%s%s] is not complete", path,
-                          kind_names[out->entries[i].kind], out->entries[i].device,
+                          calibration_kind_names[out->entries[i].kind], out->entries[i].device,
                           out->entries[i].of[0] ? " " : "", out->entries[i].of);
     return result == RESULT_MISSING && !access(path, F_OK) ? RESULT_FORMAT : result;
 }
@@ -175,8 +175,8 @@ static void write_entry(FILE *file, const struct calibration_entry *e) {
     struct tm utc;
     gmtime_r(&seconds, &utc);
     strftime(date, sizeof date, DATE_FORMAT, &utc);
-    fprintf(file, "\n[%s %s%s%s]\ndate = %s\nresidual = %.4f\n", kind_names[e->kind], e->device,
-            e->of[0] ? " " : "", e->of, date, e->residual);
+    fprintf(file, "\n[%s %s%s%s]\ndate = %s\nresidual = %.4f\n", calibration_kind_names[e->kind],
+            e->device, e->of[0] ? " " : "", e->of, date, e->residual);
     if (e->details[0])
         fprintf(file, "details = %s\n", e->details);
     const pose *p = &e->T_mockup_tracker;

@@ -149,7 +149,7 @@ static void *find_instrument(void *user, const char *name, struct error *err) {
     return instrument_section(&((struct station_config *)user)->instruments, name, err);
 }
 
-static const struct setting_section sections[] = {
+static const struct setting_section config_sections[] = {
     {"station", station_keys, find_station},
     {"view", view_keys, find_view},
     {"openigtlink", openigtlink_keys, find_openigtlink},
@@ -191,7 +191,8 @@ enum result station_config_load(const char *path, const struct setting_override 
     config->instruments = *instruments_usual();
     config->datagrams = true;
     config->openigtlink.rate_hz = 60;
-    enum result result = settings_load(path, overrides, override_count, sections, config, err);
+    enum result result =
+        settings_load(path, overrides, override_count, config_sections, config, err);
     if (result == RESULT_OK) {
         result = complete(config, err);
         if (result != RESULT_OK)

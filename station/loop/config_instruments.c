@@ -5,7 +5,7 @@
 
 #define NO_BUTTON (-2) // none is given
 
-static const char *const kind_names[] = {"tip", "jaw", "burr", "blade", "optic", NULL};
+static const char *const instrument_kind_names[] = {"tip", "jaw", "burr", "blade", "optic", NULL};
 
 static bool take_colour(void *target, const char *rest, const char *value) {
     (void)rest;
@@ -20,7 +20,7 @@ static bool take_colour(void *target, const char *rest, const char *value) {
 #define IN(member) SETTING_IN(struct instrument, member)
 
 const struct setting_key instrument_keys[] = {
-    {"kind", SETTING_CHOICE, IN(kind), .choices = kind_names},
+    {"kind", SETTING_CHOICE, IN(kind), .choices = instrument_kind_names},
     {"cuts", SETTING_SWITCH, IN(cuts)},
     {"button", SETTING_INTEGER, IN(button), 0, 31},
     {"length_mm", SETTING_NUMBER, IN(length_mm), 1, 30},

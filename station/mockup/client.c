@@ -10,8 +10,8 @@ bool client_send(const struct client *client, const uint8_t *bytes, size_t size)
     return send(client->fd, bytes, size, MSG_NOSIGNAL) == (ssize_t)size;
 }
 
-static bool answer(const struct client *client, const char *type, const void *content,
-                   size_t size) {
+static bool send_answer(const struct client *client, const char *type, const void *content,
+                        size_t size) {
     uint8_t bytes[ENCODE_ANSWER_MAX];
     return client_send(client, bytes, encode_answer(type, client->version, content, size, bytes));
 }
@@ -29,7 +29,7 @@ static bool take_start(struct client *client, const struct igtl_query *query, bo
         client->asked = true;
         client->once = false;
     }
-    return answer(client, quaternions ? "RTS_QTDATA" : "RTS_TDATA", &refused, 1);
+    return send_answer(client, quaternions ? "RTS_QTDATA" : "RTS_TDATA", &refused, 1);
 }
 
 // A request for a type that is not offered is passed over.
@@ -53,7 +53,7 @@ static bool take_query(struct client *client, const struct igtl_query *query, bo
     if (query->type == IGTL_TYPE_POSITION)
         take_get(client, MESSAGE_POSITION);
     return query->type != IGTL_TYPE_STATUS ||
-           answer(client, "STATUS", all_is_well, sizeof all_is_well);
+           send_answer(client, "STATUS", all_is_well, sizeof all_is_well);
 }
 
 static bool take_frame(struct client *client, const struct igtl_frame *frame) {

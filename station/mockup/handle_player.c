@@ -12,7 +12,8 @@ enum result handle_player_plug(struct handle_player *p, struct error *err) {
     return handle_plug(p->serial, "", &p->handle, err);
 }
 
-static const struct fault *strike(const struct handle_player *p, enum fault_what what, double due) {
+static const struct fault *strike_handle(const struct handle_player *p, enum fault_what what,
+                                         double due) {
     return faults_strike(p->faults, FAULT_HID, what, due);
 }
 
@@ -31,8 +32,9 @@ static double opening_at(const struct player *player, double seconds) {
 
 static enum result send_report(const struct handle_player *p, double due, struct error *err) {
     uint8_t report[HANDLE_REPORT_BYTES];
-    const struct fault *late = strike(p, FAULT_LATE, due), *jump = strike(p, FAULT_JUMP, due),
-                       *noise = strike(p, FAULT_NOISE, due);
+    const struct fault *late = strike_handle(p, FAULT_LATE, due),
+                       *jump = strike_handle(p, FAULT_JUMP, due),
+                       *noise = strike_handle(p, FAULT_NOISE, due);
     double seconds = faults_time(p->faults, FAULT_HID, due) - (late ? late->value / 1000 : 0);
     double opening = opening_at(p->player, seconds);
     if (jump)
@@ -64,7 +66,7 @@ void *handle_player_run(void *handle_player) {
         struct error err;
         double due = player_seconds(p->player, due_ns);
         enum result result = keep_plugged(p, due, &err);
-        if (result == RESULT_OK && p->handle >= 0 && !strike(p, FAULT_DROPOUT, due))
+        if (result == RESULT_OK && p->handle >= 0 && !strike_handle(p, FAULT_DROPOUT, due))
             result = send_report(p, due, &err);
         if (result != RESULT_OK)
             log_warning("hid", "%s", err.text);

@@ -46,9 +46,9 @@ enum { JOINT_VALUES = 6, REQUEST_BYTES = 8, PATIENCE_MS = 5 };
 static const uint32_t patience_us =
     1000 * PATIENCE_MS; // with half a request, while other masters wait
 static const uint8_t unknown_function = 0x41;
-static const double closed_opening = 0.05;   // a jaw's end switch closes below it
-static const double running_opening = 0.5;   // the shaver's button is down from it on
-static const double encoder_steps = 1 << 17; // of a turn
+static const double end_switch_opening = 0.05; // a jaw's end switch closes below it
+static const double running_opening = 0.5;     // the shaver's button is down from it on
+static const double encoder_steps = 1 << 17;   // of a turn
 
 // ---- registers ----------------------------------------------------------------------------------
 
@@ -112,7 +112,7 @@ static double force_at(const struct recording *r, double t) {
 
 static void set_jaw(double opening, uint16_t *out_opening, uint16_t *out_buttons) {
     *out_opening = (uint16_t)round(10000 * opening);
-    *out_buttons = opening < closed_opening;
+    *out_buttons = opening < end_switch_opening;
 }
 
 static void set_handles(const struct recording *r, double t, uint16_t *registers) {
@@ -399,7 +399,7 @@ static void serve(struct slave *s, modbus_mapping_t *mapping) {
 }
 
 // True: it is plugged in.
-static bool plug(struct slave *s) {
+static bool plug_line(struct slave *s) {
     struct error err;
     if (faults_on(s->faults, FAULT_MODBUS, FAULT_UNPLUG, seconds_of(s)))
         slave_close(s);
@@ -416,7 +416,7 @@ void *slave_run(void *slave) {
     modbus_mapping_t *mapping = modbus_mapping_new(1, 1, REGISTERS, REGISTERS);
     CHECK(mapping);
     while (!atomic_load(s->stop))
-        if (plug(s))
+        if (plug_line(s))
             serve(s, mapping);
     modbus_mapping_free(mapping);
     return NULL;

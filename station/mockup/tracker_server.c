@@ -71,17 +71,17 @@ static int visible_tools(const struct tracker_server *s, const struct cursor *c,
     return count;
 }
 
-static const struct fault *strike(const struct tracker_server *s, enum fault_what what,
-                                  double seconds) {
+static const struct fault *strike_tracker(const struct tracker_server *s, enum fault_what what,
+                                          double seconds) {
     return faults_strike(s->faults, FAULT_TRACKER, what, seconds);
 }
 
 static void spoil_tools(const struct tracker_server *s, double seconds, struct tracked_tool *tools,
                         int count) {
-    const struct fault *jump = strike(s, FAULT_JUMP, seconds);
-    const struct fault *noise = strike(s, FAULT_NOISE, seconds);
-    const struct fault *nan = strike(s, FAULT_NAN, seconds);
-    bool missing = strike(s, FAULT_MISSING, seconds);
+    const struct fault *jump = strike_tracker(s, FAULT_JUMP, seconds);
+    const struct fault *noise = strike_tracker(s, FAULT_NOISE, seconds);
+    const struct fault *nan = strike_tracker(s, FAULT_NAN, seconds);
+    bool missing = strike_tracker(s, FAULT_MISSING, seconds);
     for (int i = 0; i < count; i++) {
         vec3 *p = &tools[i].T_tracker_tool.translation;
         if (jump)
@@ -142,7 +142,7 @@ static void play_forces(const struct tracker_server *s, const struct cursor *c, 
         double newtons = state_of(s, c, i, due, seconds).force_n;
         snprintf(device, sizeof device, "%sForce", channel_name(r->tools[i].channel));
         size_t size = encode_force(version, stamp_ns(s, due, seconds), device,
-                                   strike(s, FAULT_NAN, due) ? NAN : newtons, bytes);
+                                   strike_tracker(s, FAULT_NAN, due) ? NAN : newtons, bytes);
         size = faults_spoil(s->faults, FAULT_TRACKER, due, bytes, size);
         for (int k = clients->count - 1; k >= 0; k--) {
             const struct client *client = &clients->list[k];
@@ -158,8 +158,8 @@ static void play(const struct tracker_server *s, const struct cursor *c, struct 
     uint8_t bytes[ENCODE_BYTES_MAX];
     double due = player_seconds(s->player, due_ns(s, c));
     double seconds = faults_time(s->faults, FAULT_TRACKER, due);
-    int version = strike(s, FAULT_NEWER_VERSION, due) ? newer_version : s->header_version;
-    if (strike(s, FAULT_DROPOUT, due))
+    int version = strike_tracker(s, FAULT_NEWER_VERSION, due) ? newer_version : s->header_version;
+    if (strike_tracker(s, FAULT_DROPOUT, due))
         return;
     play_forces(s, c, due, seconds, version, clients);
     int count = visible_tools(s, c, due, seconds, tools);
@@ -229,7 +229,7 @@ enum result tracker_server_listen(struct tracker_server *s, const char *address,
     return result;
 }
 
-static void plug(struct tracker_server *s, struct clients *clients) {
+static void plug_server(struct tracker_server *s, struct clients *clients) {
     struct error err;
     double seconds = player_seconds(s->player, clock_now_ns());
     if (!faults_on(s->faults, FAULT_TRACKER, FAULT_UNPLUG, seconds)) {
@@ -257,7 +257,7 @@ void *tracker_server_run(void *tracker_server) {
     struct clients clients = {0};
     struct cursor cursor = {0};
     while (!atomic_load(s->stop)) {
-        plug(s, &clients);
+        plug_server(s, &clients);
         wait_for_clients(s, &clients, sent_ns(s, &cursor));
         for (; sent_ns(s, &cursor) <= clock_now_ns(); advance(s, &cursor))
             play(s, &cursor, &clients);

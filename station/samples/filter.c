@@ -6,20 +6,20 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char *const names[FILTER_KIND_COUNT] = {"none", "one-euro"};
+static const char *const filter_names[FILTER_KIND_COUNT] = {"none", "one-euro"};
 
 const char *filter_name(enum filter_kind kind) {
-    return (unsigned)kind < FILTER_KIND_COUNT ? names[kind] : "unknown";
+    return (unsigned)kind < FILTER_KIND_COUNT ? filter_names[kind] : "unknown";
 }
 
 bool filter_parse(const char *text, struct filter_settings *out) {
     char kind[16], min_cutoff[32], beta[32], dcutoff[32] = "1", rest;
     *out = (struct filter_settings){FILTER_NONE};
-    if (!strcmp(text, names[FILTER_NONE]))
+    if (!strcmp(text, filter_names[FILTER_NONE]))
         return true;
     int count = sscanf(text, "%15s %31s %31s %31s %c", kind, min_cutoff, beta, dcutoff, &rest);
     out->kind = FILTER_ONE_EURO;
-    return (count == 3 || count == 4) && !strcmp(kind, names[FILTER_ONE_EURO]) &&
+    return (count == 3 || count == 4) && !strcmp(kind, filter_names[FILTER_ONE_EURO]) &&
            number_double(min_cutoff, 0.01, 1000, &out->min_cutoff_hz) &&
            number_double(beta, 0, 1000, &out->beta) &&
            number_double(dcutoff, 0.01, 1000, &out->dcutoff_hz);

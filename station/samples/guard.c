@@ -28,17 +28,13 @@ bool guard_is_catching(const struct guard *guard, int64_t now_ns) {
 
 // ---- a track ------------------------------------------------------------------------------------
 
-static int nth_newest(const struct history *h, int i) {
-    return (h->next - 1 - i + 2 * HISTORY_LENGTH) % HISTORY_LENGTH;
-}
-
 static bool is_same(pose a, pose b) {
     return !memcmp(&a, &b, sizeof a);
 }
 
 static void keep(struct guard_track *t, int64_t time_ns, pose p) {
     struct history *h = &t->poses;
-    int newest = nth_newest(h, 0);
+    int newest = history_place(h, 0);
     t->said_ns = time_ns;
     if (h->count && is_same(h->poses[newest], p))
         return;
@@ -64,7 +60,7 @@ static int64_t usual_step_ns(const struct guard_track *t) {
 
 // How long the body had for the step to a pose at time_ns.
 static int64_t time_of_step(const struct guard_track *t, int64_t time_ns) {
-    int64_t since_ns = time_ns - t->poses.time_ns[nth_newest(&t->poses, 0)];
+    int64_t since_ns = time_ns - t->poses.time_ns[history_place(&t->poses, 0)];
     int64_t usual_ns = usual_step_ns(t), silent_ns = time_ns - t->said_ns;
     int64_t step_ns = since_ns < usual_ns ? since_ns : usual_ns;
     return step_ns > silent_ns ? step_ns : silent_ns;
@@ -75,12 +71,12 @@ static int64_t time_of_step(const struct guard_track *t, int64_t time_ns) {
 static bool predict(const struct guard_track *t, int64_t time_ns, double dt_s, pose *out_pose,
                     double *out_lag_s) {
     const struct history *h = &t->poses;
-    int newest = nth_newest(h, 0), back = 1;
+    int newest = history_place(h, 0), back = 1;
     double since_s = (double)(time_ns - h->time_ns[newest]) / NS_PER_S;
     while (back + 1 < h->count &&
-           h->time_ns[newest] - h->time_ns[nth_newest(h, back)] < baseline_ns)
+           h->time_ns[newest] - h->time_ns[history_place(h, back)] < baseline_ns)
         back++;
-    int from = nth_newest(h, back);
+    int from = history_place(h, back);
     int64_t span_ns = h->time_ns[newest] - h->time_ns[from];
     if (h->count < 2 || since_s > 2 * dt_s || dt_s * NS_PER_S > GUARD_STEP_NS ||
         span_ns > GUARD_STEP_NS)
@@ -105,7 +101,7 @@ static bool follows(const struct guard *g, const struct guard_track *t, int64_t 
     bool has_spoken = step_ns > most_ns;
     double dt_s = (double)step_ns / NS_PER_S, given_s = fmin(dt_s, (double)most_ns / NS_PER_S);
     double lag_s = given_s;
-    pose newest = t->poses.poses[nth_newest(&t->poses, 0)], predicted;
+    pose newest = t->poses.poses[history_place(&t->poses, 0)], predicted;
     if (is_within(newest, p, g->jump_mm, g->jump_rad))
         return true;
     if (!has_spoken &&

@@ -12,17 +12,13 @@ enum { FOURTH = 4, BELOW = 3 * NOISE_SPAN / 10 };
 static const double rank_length = 1.193, fourth_variance = 70;
 static const double least_share = 0.9; // of the limit: an estimate by so few poses scatters
 
-static int nth_newest(const struct history *h, int i) {
-    return (h->next - 1 - i + 2 * HISTORY_LENGTH) % HISTORY_LENGTH;
-}
-
 // How far the pose lies from 2 p1 - p0, over what is allowed; by the index, not by time stamps that
 // shake themselves. That difference has 1 + 4 + 1 times the variance in each of three directions.
 static double excess(const struct history *h, double limit_mm, double limit_rad, pose p) {
-    pose p1 = h->poses[nth_newest(h, 0)], p0 = h->poses[nth_newest(h, 1)];
-    int from = nth_newest(h, BASELINE - 1);
+    pose p1 = h->poses[history_place(h, 0)], p0 = h->poses[history_place(h, 1)];
+    int from = history_place(h, BASELINE - 1);
     double dt_s =
-        (double)(h->time_ns[nth_newest(h, 0)] - h->time_ns[from]) / NS_PER_S / (BASELINE - 1);
+        (double)(h->time_ns[history_place(h, 0)] - h->time_ns[from]) / NS_PER_S / (BASELINE - 1);
     double step_mm = vec3_distance(p1.translation, h->poses[from].translation) / (BASELINE - 1);
     double step_rad = quat_angle(p1.rotation, h->poses[from].rotation) / (BASELINE - 1);
     pose expected = pose_interpolate(p0, p1, 2);
@@ -45,9 +41,9 @@ static void add_fourth_difference(struct noise *n) {
     static const double weights[FOURTH + 1] = {1, -4, 6, -4, 1};
     const double scale = rank_length * sqrt(fourth_variance);
     double mm[3] = {0}, half[4] = {0};
-    quat last = n->recent.poses[nth_newest(&n->recent, 0)].rotation;
+    quat last = n->recent.poses[history_place(&n->recent, 0)].rotation;
     for (int i = 0; i <= FOURTH; i++) {
-        pose p = n->recent.poses[nth_newest(&n->recent, i)];
+        pose p = n->recent.poses[history_place(&n->recent, i)];
         vec3 t = p.translation;
         quat q = p.rotation;
         if (q.w * last.w + q.x * last.x + q.y * last.y + q.z * last.z < 0)
@@ -82,7 +78,7 @@ static bool shakes_steadily(struct noise *n, double limit_mm, double limit_deg) 
 
 bool noise_is_high(struct noise *n, double limit_mm, double limit_deg, int64_t time_ns, pose p) {
     struct history *h = &n->recent;
-    if (h->count && time_ns - h->time_ns[nth_newest(h, 0)] > NOISE_MEMORY_NS)
+    if (h->count && time_ns - h->time_ns[history_place(h, 0)] > NOISE_MEMORY_NS)
         *n = (struct noise){0};
     n->score *= score_kept;
     if (h->count >= BASELINE) {

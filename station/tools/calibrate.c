@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char help[] =
+static const char calibrate_help[] =
     "Usage: arthron-station calibrate tip --config FILE --device NAME --channel CHANNEL\n"
     "                                 [--seconds N] [--json]\n"
     "       arthron-station calibrate landmarks --config FILE --device NAME --channel CHANNEL\n"
@@ -58,7 +58,7 @@ static const struct {
 
 enum { PART_COUNT = sizeof parts / sizeof *parts };
 
-static const char program[] = "arthron-station calibrate";
+static const char calibrate_command[] = "arthron-station calibrate";
 
 static bool take_values(char *text, struct calibrate_arguments *out) {
     char *rest;
@@ -75,12 +75,12 @@ static bool take_channel(const char *text, enum channel *out) {
         return true;
     for (int i = CHANNEL_JOINT + 1; i < CHANNEL_COUNT; i++)
         names[i - CHANNEL_JOINT - 1] = channel_name((enum channel)i);
-    argument_unknown(program, "--channel", text, names);
+    argument_unknown(calibrate_command, "--channel", text, names);
     return false;
 }
 
 // False: refused, and said why.
-static bool take_option(int option, struct calibrate_arguments *out) {
+static bool take_calibrate_option(int option, struct calibrate_arguments *out) {
     switch (option) {
     case 'c':
         out->config = optarg;
@@ -93,7 +93,7 @@ static bool take_option(int option, struct calibrate_arguments *out) {
         return true;
     case 't':
         return number_double(optarg, 0.1, 600, &out->seconds) ||
-               !argument_wrong(program, "--seconds %s: must be from 0.1 to 600", optarg);
+               !argument_wrong(calibrate_command, "--seconds %s: must be from 0.1 to 600", optarg);
     case 'p':
         out->points = optarg;
         return true;
@@ -102,13 +102,13 @@ static bool take_option(int option, struct calibrate_arguments *out) {
         return true;
     case 'a':
         return take_values(optarg, out) ||
-               !argument_wrong(program,
+               !argument_wrong(calibrate_command,
                                "--at: must be numbers from -1000 to 1000, separated by commas");
     case 'j':
         out->json = true;
         return true;
     default:
-        return !argument_help(program);
+        return !argument_help(calibrate_command);
     }
 }
 
@@ -168,7 +168,7 @@ static enum result calibrate(struct station_config *config, int part,
 }
 
 // The config names the instruments that it describes.
-static int run(int part, struct calibrate_arguments *arguments) {
+static int run_part(int part, struct calibrate_arguments *arguments) {
     struct station_config *config;
     struct error err;
     if (station_config_load(arguments->config, NULL, 0, &config, &err) != RESULT_OK) {
@@ -189,16 +189,17 @@ static int run(int part, struct calibrate_arguments *arguments) {
 static int find_and_run(char **words, int count, struct calibrate_arguments *arguments) {
     const char *names[PART_COUNT + 1] = {NULL};
     if (count != 1)
-        return argument_wrong(program, "one of tip, landmarks, encoder and delay is needed");
+        return argument_wrong(calibrate_command,
+                              "one of tip, landmarks, encoder and delay is needed");
     for (int i = 0; i < PART_COUNT; i++) {
         names[i] = parts[i].name;
         if (strcmp(words[0], parts[i].name) != 0)
             continue;
         return is_complete(arguments, parts[i].kind)
-                   ? run(i, arguments)
-                   : argument_wrong(program, "usage: %s", parts[i].usage);
+                   ? run_part(i, arguments)
+                   : argument_wrong(calibrate_command, "usage: %s", parts[i].usage);
     }
-    return argument_unknown(program, "part", words[0], names);
+    return argument_unknown(calibrate_command, "part", words[0], names);
 }
 
 int tool_calibrate(int argc, char **argv) {
@@ -213,10 +214,10 @@ int tool_calibrate(int argc, char **argv) {
     bool good = true;
     for (int o; good && (o = getopt_long(argc, argv, "c:d:C:t:p:k:a:j", options, NULL)) != -1;) {
         if (o == 'h') {
-            fputs(help, stdout);
+            fputs(calibrate_help, stdout);
             return 0;
         }
-        good = take_option(o, &arguments);
+        good = take_calibrate_option(o, &arguments);
     }
     if (good && arguments.channel_name && !arguments.config)
         good = take_channel(arguments.channel_name, &arguments.channel);

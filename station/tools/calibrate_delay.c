@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#define SAMPLES_MAX 100000
+#define DELAY_SAMPLES_MAX 100000
 #define SETTLE_S 3 // until the offset of a tracker's clock is known
 
 // Joint and tool, while a person moves both.
@@ -64,10 +64,10 @@ static void name_device(const struct station_config *config, const struct gather
 
 // The joint's delay stays, and the tool's is what it comes later than that. Only where that is
 // negative, the joint gets more, and the tool none.
-static enum result describe(struct station_config *config, const struct gather_wish wishes[2],
-                            const double delays_ms[STATION_DEVICES_MAX],
-                            const struct delay_fit *fit, struct calibration_entry *out,
-                            json_t *report, struct error *err) {
+static enum result describe_delay(struct station_config *config, const struct gather_wish wishes[2],
+                                  const double delays_ms[STATION_DEVICES_MAX],
+                                  const struct delay_fit *fit, struct calibration_entry *out,
+                                  json_t *report, struct error *err) {
     double tool_ms = fit->delay_ms + delays_ms[wishes[0].samples->device];
     bool tool_is_late = tool_ms >= 0;
     name_device(config, &wishes[tool_is_late], out);
@@ -99,12 +99,12 @@ static enum result describe(struct station_config *config, const struct gather_w
 enum result calibrate_delay(struct station_config *config,
                             const struct calibrate_arguments *arguments,
                             struct calibration_entry *out, json_t *report, struct error *err) {
-    struct gather_wish wishes[2] = {{CHANNEL_JOINT, SAMPLE_JOINT, NULL, SAMPLES_MAX, 0},
-                                    {arguments->channel, SAMPLE_POSE, NULL, SAMPLES_MAX, 0}};
+    struct gather_wish wishes[2] = {{CHANNEL_JOINT, SAMPLE_JOINT, NULL, DELAY_SAMPLES_MAX, 0},
+                                    {arguments->channel, SAMPLE_POSE, NULL, DELAY_SAMPLES_MAX, 0}};
     struct delay_fit found;
     double delays_ms[STATION_DEVICES_MAX];
     for (int i = 0; i < 2; i++)
-        wishes[i].samples = alloc(SAMPLES_MAX, sizeof *wishes[i].samples);
+        wishes[i].samples = alloc(DELAY_SAMPLES_MAX, sizeof *wishes[i].samples);
     enum result result = station_config_calibrate(config, err);
     read_delays(config, delays_ms);
     if (result == RESULT_OK)
@@ -112,7 +112,7 @@ enum result calibrate_delay(struct station_config *config,
     if (result == RESULT_OK)
         result = fit(wishes, &found, err);
     if (result == RESULT_OK)
-        result = describe(config, wishes, delays_ms, &found, out, report, err);
+        result = describe_delay(config, wishes, delays_ms, &found, out, report, err);
     for (int i = 0; i < 2; i++)
         free(wishes[i].samples);
     return result;

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define HOLD_S 0.5
+#define ENCODER_HOLD_S 0.5
 #define SAMPLES_MAX 2000
 #define RMS_MAX 2.0
 // The register is read as counts / 1000, so that every count is an angle that a sample may have.
@@ -35,8 +35,8 @@ static enum result read_counts(struct gather *gather, const char *key, double kn
     snprintf(text, sizeof text, "Bring %s to %g", key, known);
     enum result result = gather_prompt(text, err);
     if (result == RESULT_OK)
-        result = gather_take(gather, CHANNEL_JOINT, SAMPLE_JOINT, HOLD_S, samples, SAMPLES_MAX,
-                             &count, err);
+        result = gather_take(gather, CHANNEL_JOINT, SAMPLE_JOINT, ENCODER_HOLD_S, samples,
+                             SAMPLES_MAX, &count, err);
     if (result != RESULT_OK)
         return result;
     *out_counts = 0;
@@ -48,8 +48,8 @@ static enum result read_counts(struct gather *gather, const char *key, double kn
     return RESULT_OK;
 }
 
-static enum result judge(const struct encoder_fit *fit, int count, struct calibration_entry *out,
-                         json_t *report, struct error *err) {
+static enum result judge_encoder(const struct encoder_fit *fit, int count,
+                                 struct calibration_entry *out, json_t *report, struct error *err) {
     const char *unit = calibration_is_angle(out) ? "degrees" : "mm";
     out->scale = fit->scale;
     out->offset = fit->offset;
@@ -85,5 +85,6 @@ enum result calibrate_encoder(struct station_config *config,
     gather_destroy(&gather);
     if (result == RESULT_OK)
         result = encoder_calibrate(counts, arguments->values, arguments->value_count, &fit, err);
-    return result == RESULT_OK ? judge(&fit, arguments->value_count, out, report, err) : result;
+    return result == RESULT_OK ? judge_encoder(&fit, arguments->value_count, out, report, err)
+                               : result;
 }

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define POINTS_MAX 32
-#define HOLD_S 1.0
+#define LANDMARK_HOLD_S 1.0
 #define SAMPLES_MAX 2000
 #define MOVED_MAX_MM 1.0
 #define RESIDUAL_MAX_MM 3.0
@@ -38,7 +38,7 @@ static const struct setting_key point_keys[] = {
     {"*", .take = take_point, .wanted = "x y z in mm, of a name of at most 31 bytes, 32 in all"},
     {0},
 };
-static const struct setting_section sections[] = {{"landmarks", point_keys, find_points}, {0}};
+static const struct setting_section landmark_sections[] = {{"landmarks", point_keys, find_points}, {0}};
 
 static vec3 mean_of(const struct sample *samples, int count, double *out_rms_mm) {
     vec3 mean = {0};
@@ -63,8 +63,8 @@ static enum result touch(struct gather *gather, enum channel channel, const char
     do {
         enum result result = gather_prompt(text, err);
         if (result == RESULT_OK)
-            result = gather_take(gather, channel, SAMPLE_POSE, HOLD_S, samples, SAMPLES_MAX, &count,
-                                 err);
+            result = gather_take(gather, channel, SAMPLE_POSE, LANDMARK_HOLD_S, samples,
+                                 SAMPLES_MAX, &count, err);
         if (result != RESULT_OK)
             return result;
         *out_point = mean_of(samples, count, &moved_mm);
@@ -93,8 +93,9 @@ static int worst_of(const struct points *points) {
     return worst;
 }
 
-static enum result judge(const struct points *points, const struct registration *found,
-                         struct calibration_entry *out, json_t *report, struct error *err) {
+static enum result judge_landmarks(const struct points *points, const struct registration *found,
+                                   struct calibration_entry *out, json_t *report,
+                                   struct error *err) {
     int worst = worst_of(points);
     json_t *residuals = json_object();
     for (int i = 0; i < points->count; i++)
@@ -117,7 +118,7 @@ enum result calibrate_landmarks(struct station_config *config,
                                 struct calibration_entry *out, json_t *report, struct error *err) {
     static struct points points;
     struct registration found;
-    enum result result = settings_load(arguments->points, NULL, 0, sections, &points, err);
+    enum result result = settings_load(arguments->points, NULL, 0, landmark_sections, &points, err);
     if (result == RESULT_OK)
         result = station_config_calibrate(config, err);
     if (result != RESULT_OK)
@@ -127,5 +128,5 @@ enum result calibrate_landmarks(struct station_config *config,
     if (result == RESULT_OK)
         result = landmarks_register(points.in_mockup, points.in_tracker, points.count, &found,
                                     points.residuals_mm, err);
-    return result == RESULT_OK ? judge(&points, &found, out, report, err) : result;
+    return result == RESULT_OK ? judge_landmarks(&points, &found, out, report, err) : result;
 }

@@ -29,8 +29,8 @@ static enum result take_poses(struct station_config *config,
     return result;
 }
 
-static enum result judge(const struct pivot *pivot, int count, struct calibration_entry *out,
-                         json_t *report, struct error *err) {
+static enum result judge_tip(const struct pivot *pivot, int count, struct calibration_entry *out,
+                             json_t *report, struct error *err) {
     out->tip_mm = pivot->tip_mm;
     out->residual = pivot->rms_mm;
     snprintf(out->details, sizeof out->details, "%d poses, largest residual %.2f mm, turn %.0f deg",
@@ -62,7 +62,7 @@ enum result calibrate_tip(struct station_config *config,
     if (result == RESULT_OK)
         result = pivot_calibrate(poses, count, &pivot, err);
     if (result == RESULT_OK)
-        result = judge(&pivot, count, out, report, err);
+        result = judge_tip(&pivot, count, out, report, err);
     free(poses);
     return result;
 }

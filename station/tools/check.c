@@ -18,7 +18,7 @@
 #include <string.h>
 #include <time.h>
 
-#define POINTS_MAX 8192 // of one channel
+#define CHECK_POINTS_MAX 8192 // of one channel
 #define DAY_S 86400
 #define NOISE_MAX_MM 1.0
 #define FORCE_AT_REST_MAX_N 0.5
@@ -30,7 +30,7 @@
 #define ROUND_TRIP_MAX_MS 20.0
 #define OTHER_SERVER_S 3.5 // for each further one, until it is tried
 
-static const char help[] =
+static const char check_help[] =
     "Usage: arthron-station check --config FILE [--seconds N] [--json]\n"
     "\n"
     "Checks the devices, the calibration, the certificate, the server and the clocks before "
@@ -48,7 +48,7 @@ static const char help[] =
 struct track {
     int count;
     int64_t last_ns;
-    vec3 points[POINTS_MAX];
+    vec3 points[CHECK_POINTS_MAX];
 };
 
 // The forces of one channel.
@@ -84,7 +84,7 @@ static void look_once(struct check *check) {
         if (sample->kind == SAMPLE_FORCE && sample->validity == VALIDITY_OK)
             take_force(&check->pressures[i], sample->force_n);
         if (sample->kind != SAMPLE_POSE || sample->validity != VALIDITY_OK ||
-            sample->time_ns <= track->last_ns || track->count == POINTS_MAX)
+            sample->time_ns <= track->last_ns || track->count == CHECK_POINTS_MAX)
             continue;
         track->last_ns = sample->time_ns;
         track->points[track->count++] = sample->T_mockup_body.translation;
@@ -355,7 +355,7 @@ static void judge_openigtlink(struct check *check) {
 
 // ---- the whole ----------------------------------------------------------------------------------
 
-static enum result start(struct check *check, struct error *err) {
+static enum result start_check(struct check *check, struct error *err) {
     struct station_config *config = check->config;
     struct device_config devices[STATION_DEVICES_MAX];
     enum result result = station_config_calibrate(config, err);
@@ -374,7 +374,7 @@ static enum result start(struct check *check, struct error *err) {
     return RESULT_OK;
 }
 
-static void judge(struct check *check) {
+static void judge_check(struct check *check) {
     for (int i = 0; i < runner_count(check->runner); i++)
         judge_device(check, i);
     judge_delays(check);
@@ -403,7 +403,7 @@ static void examine(struct check *check, const char *path, double seconds) {
     struct error err;
     enum result result = station_config_load(path, NULL, 0, &check->config, &err);
     if (result == RESULT_OK)
-        result = start(check, &err);
+        result = start_check(check, &err);
     if (result != RESULT_OK) {
         findings_add(&check->findings, false, "config", "correct the file (docs/CONFIG.md)", "%s",
                      err.text);
@@ -411,10 +411,10 @@ static void examine(struct check *check, const char *path, double seconds) {
     }
     look(check, seconds);
     wait_for_others(check);
-    judge(check);
+    judge_check(check);
 }
 
-static int run(const char *path, double seconds, bool json) {
+static int run_check(const char *path, double seconds, bool json) {
     struct check *check = alloc(1, sizeof *check);
     examine(check, path, seconds);
     const char *station = check->config ? check->config->name : path;
@@ -446,7 +446,7 @@ int tool_check(int argc, char **argv) {
     bool json = false;
     for (int o; (o = getopt_long(argc, argv, "c:t:j", options, NULL)) != -1;) {
         if (o == 'h') {
-            fputs(help, stdout);
+            fputs(check_help, stdout);
             return 0;
         }
         if (o == '?')
@@ -460,5 +460,5 @@ int tool_check(int argc, char **argv) {
         return argument_wrong(program, "takes no %s", argv[optind]);
     if (!path)
         return argument_wrong(program, "--config is required");
-    return run(path, seconds, json);
+    return run_check(path, seconds, json);
 }

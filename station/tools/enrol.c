@@ -7,7 +7,7 @@
 #include <getopt.h>
 #include <stdio.h>
 
-static const char help[] =
+static const char enrol_help[] =
     "Usage: arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
     "\n"
     "Gets a certificate with a one-time code of `arthron-server keys enrol`. Exits with 3\n"
@@ -17,7 +17,7 @@ static const char help[] =
     "  -k, --keys DIR      the folder for the key and the certificate\n"
     "      --help          show this\n";
 
-static const char program[] = "arthron-station enrol";
+static const char enrol_command[] = "arthron-station enrol";
 
 static int enrol(const char *server, const char *code, const char *name, const char *keys) {
     struct server_address at;
@@ -47,19 +47,19 @@ int tool_enrol(int argc, char **argv) {
     const char *name = NULL, *keys = NULL;
     for (int o; (o = getopt_long(argc, argv, "n:k:", options, NULL)) != -1;) {
         if (o == 'h') {
-            fputs(help, stdout);
+            fputs(enrol_help, stdout);
             return 0;
         } else if (o == 'n') {
             name = optarg;
         } else if (o == 'k') {
             keys = optarg;
         } else {
-            return argument_help(program);
+            return argument_help(enrol_command);
         }
     }
     if (argc - optind != 2)
-        return argument_wrong(program, "HOST:PORT and CODE are required");
+        return argument_wrong(enrol_command, "HOST:PORT and CODE are required");
     if (!name || !keys)
-        return argument_wrong(program, "--name and --keys are required");
+        return argument_wrong(enrol_command, "--name and --keys are required");
     return enrol(argv[optind], argv[optind + 1], name, keys);
 }

@@ -21,8 +21,8 @@ static void take_as_it_is(struct station_config *config, const char *device) {
     station_config_set(config, device, "jump_deg", "180");
 }
 
-static enum result start(const struct device_config *devices, int count, struct gather **out_gather,
-                         struct error *err) {
+static enum result start_gather(const struct device_config *devices, int count,
+                                struct gather **out_gather, struct error *err) {
     struct gather *gather = alloc(1, sizeof *gather);
     enum result result = runner_create(devices, count, &gather->runner, err);
     if (result == RESULT_OK)
@@ -38,7 +38,7 @@ enum result gather_create(struct station_config *config, const char *name,
     if (!device)
         return fail(err, RESULT_MISSING, "the config has no [device %s]", name);
     take_as_it_is(config, name);
-    return start(&device->config, 1, out_gather, err);
+    return start_gather(&device->config, 1, out_gather, err);
 }
 
 enum result gather_create_all(struct station_config *config, struct gather **out_gather,
@@ -49,7 +49,7 @@ enum result gather_create_all(struct station_config *config, struct gather **out
         station_config_set(config, config->devices[i].config.name, "delay_ms", NULL);
         devices[i] = config->devices[i].config;
     }
-    return start(devices, config->device_count, out_gather, err);
+    return start_gather(devices, config->device_count, out_gather, err);
 }
 
 void gather_destroy(struct gather **gather) {

@@ -11,7 +11,7 @@
 
 #define LINES_MAX 16
 
-static const char help[] =
+static const char probe_help[] =
     "Usage: arthron-station probe [--modbus LINE ...] [--tracker HOST:PORT ...] [--json]\n"
     "\n"
     "Lists devices with live values and prints a config for them. Complete that config and save "
@@ -25,7 +25,7 @@ static const char help[] =
     "  -j, --json               print JSON: values, and the config as a text\n"
     "      --help               show this\n";
 
-static const char program[] = "arthron-station probe";
+static const char probe_command[] = "arthron-station probe";
 
 struct probe_arguments {
     int modbus_count, tracker_count, slaves; // slaves 0: as suits the line
@@ -63,7 +63,7 @@ static void probe_all(const struct probe_arguments *a, struct found *found) {
     probe_hid(found->config, found->hid);
 }
 
-static int run(const struct probe_arguments *arguments) {
+static int run_probe(const struct probe_arguments *arguments) {
     struct found found = {.modbus = json_array(), .trackers = json_array(), .hid = json_array()};
     found.config = open_memstream(&found.text, &found.size);
     CHECK(found.config);
@@ -83,29 +83,29 @@ static int run(const struct probe_arguments *arguments) {
 }
 
 // False: refused, and said why.
-static bool take_option(int option, struct probe_arguments *out) {
+static bool take_probe_option(int option, struct probe_arguments *out) {
     int64_t slaves;
     switch (option) {
     case 'm':
         if (out->modbus_count == LINES_MAX)
-            return !argument_wrong(program, "--modbus: at most %d lines", LINES_MAX);
+            return !argument_wrong(probe_command, "--modbus: at most %d lines", LINES_MAX);
         out->modbus[out->modbus_count++] = optarg;
         return true;
     case 't':
         if (out->tracker_count == LINES_MAX)
-            return !argument_wrong(program, "--tracker: at most %d trackers", LINES_MAX);
+            return !argument_wrong(probe_command, "--tracker: at most %d trackers", LINES_MAX);
         out->trackers[out->tracker_count++] = optarg;
         return true;
     case 'n':
         if (!number_int(optarg, 1, 247, &slaves))
-            return !argument_wrong(program, "--slaves %s: must be from 1 to 247", optarg);
+            return !argument_wrong(probe_command, "--slaves %s: must be from 1 to 247", optarg);
         out->slaves = (int)slaves;
         return true;
     case 'j':
         out->json = true;
         return true;
     default:
-        return !argument_help(program);
+        return !argument_help(probe_command);
     }
 }
 
@@ -119,14 +119,14 @@ int tool_probe(int argc, char **argv) {
     bool good = true;
     for (int o; good && (o = getopt_long(argc, argv, "m:n:t:j", options, NULL)) != -1;) {
         if (o == 'h') {
-            fputs(help, stdout);
+            fputs(probe_help, stdout);
             return 0;
         }
-        good = take_option(o, &arguments);
+        good = take_probe_option(o, &arguments);
     }
     if (!good)
         return 2;
     if (optind != argc)
-        return argument_wrong(program, "takes no %s", argv[optind]);
-    return run(&arguments);
+        return argument_wrong(probe_command, "takes no %s", argv[optind]);
+    return run_probe(&arguments);
 }

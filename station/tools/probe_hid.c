@@ -46,9 +46,9 @@ static void propose(const struct hid_plugged *plugged, int count, int at, int nu
 }
 
 // The lines of a section, empty where nothing can be proposed.
-static void describe(const struct hid_plugged *p, enum channel channel,
-                     descriptor_reader *read_descriptor, FILE *config,
-                     char lines[HID_PROPOSAL_BYTES_MAX]) {
+static void describe_plugged(const struct hid_plugged *p, enum channel channel,
+                             descriptor_reader *read_descriptor, FILE *config,
+                             char lines[HID_PROPOSAL_BYTES_MAX]) {
     uint8_t bytes[HID_DESCRIPTOR_BYTES_MAX];
     struct error why;
     size_t size;
@@ -111,7 +111,7 @@ void probe_hid_plugged(const struct hid_plugged *plugged, int count,
                     is_alike(plugged, count, i, false)
                         ? " Another one is alike: unplug one to tell them apart"
                         : "");
-        describe(p, channel_of(other ? other : last + 1), read_descriptor, config, lines);
+        describe_plugged(p, channel_of(other ? other : last + 1), read_descriptor, config, lines);
         if (lines[0] && !other)
             sections[i] = ++last;
         if (lines[0])

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { TRY_MS = 100, READ_MS = 200, TRIES = 3, PER_LINE = 10 };
+enum { TRY_MS = 100, READ_MS = 200, TRIES = 3, VALUES_PER_LINE = 10 };
 
 // What makers set on serial lines, the usual first. Frames of one stop bit are heard in both.
 static const struct serial {
@@ -113,13 +113,13 @@ static void propose_line(const struct probed *p, int slave) {
     fprintf(p->config, "slave = %d\n", slave);
 }
 
-static void report(struct probed *p, int slave, bool input, const struct probe_block *block) {
+static void report_block(struct probed *p, int slave, bool input, const struct probe_block *block) {
     const uint16_t *newest = block->values[PROBE_READINGS - 1];
     json_t *registers = json_array();
     fprintf(p->config, "\n; %s, slave %d, %s registers:", p->name, slave,
             input ? "input" : "holding");
     for (int r = 0; r < block->count; r++) {
-        fprintf(p->config, "%s %d:%u", r % PER_LINE ? "" : "\n; ", r, newest[r]);
+        fprintf(p->config, "%s %d:%u", r % VALUES_PER_LINE ? "" : "\n; ", r, newest[r]);
         json_array_append_new(registers, json_integer(newest[r]));
     }
     if (!block->count)
@@ -143,7 +143,7 @@ static void report(struct probed *p, int slave, bool input, const struct probe_b
 static void probe_slave(struct probed *p, int slave) {
     struct probe_block block;
     bool input = !read_block(p, slave, false, &block) && read_block(p, slave, true, &block);
-    report(p, slave, input, &block);
+    report_block(p, slave, input, &block);
     p->found++;
 }
 

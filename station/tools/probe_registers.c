@@ -17,7 +17,7 @@ int probe_sequence(const struct probe_block *block) {
     return -1;
 }
 
-enum { PER_LINE = 6 }; // a line of a config has an end
+enum { REGISTERS_PER_LINE = 6 }; // a line of a config has an end
 
 // ---- floats -------------------------------------------------------------------------------------
 
@@ -66,7 +66,7 @@ static void tell_floats(const struct probe_block *block, FILE *config) {
         fprintf(config, "; perhaps, with order = %s:", modbus_order_names[order]);
         for (int r = 0; r + 1 < block->count; r++)
             if (is_float(block, r, (enum modbus_order)order)) {
-                fprintf(config, "%s %d f32 (%.6g)", told++ % PER_LINE ? "" : "\n; ", r,
+                fprintf(config, "%s %d f32 (%.6g)", told++ % REGISTERS_PER_LINE ? "" : "\n; ", r,
                         float_at(block, PROBE_READINGS - 1, r, (enum modbus_order)order));
                 r++;
             }

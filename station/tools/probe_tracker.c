@@ -203,7 +203,7 @@ static json_t *report_sensors(struct seen *seen, FILE *config) {
     return sensors;
 }
 
-static void report(const char *address, struct seen *seen, FILE *config, json_t *out) {
+static void report_seen(const char *address, struct seen *seen, FILE *config, json_t *out) {
     double seconds = fmax(0.001, (double)(clock_now_ns() - seen->first_ns) / NS_PER_S);
     json_t *tools = json_array();
     fprintf(config, "\n; %s: %d other messages, %d malformed\n", address, seen->skipped,
@@ -236,7 +236,7 @@ enum result probe_tracker(const char *address, double seconds, FILE *config, jso
     struct listening *l = alloc(1, sizeof *l);
     listen_to(fd, seconds, l);
     close(fd);
-    report(address, &l->seen, config, out);
+    report_seen(address, &l->seen, config, out);
     if (!l->seen.count && !l->seen.sensor_count)
         result = fail(err, RESULT_TIMEOUT,
                       "%s: the tracker sent no pose within %.0f s. Bring a tool into its view",

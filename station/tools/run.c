@@ -10,7 +10,7 @@
 
 #define OVERRIDES_MAX 32
 
-static const char help[] =
+static const char run_help[] =
     "Usage: arthron-station run --config FILE [--set SECTION.KEY=VALUE ...] [--live] [--json]\n"
     "\n"
     "Reads the mock-up's devices and sends their values to the server, until SIGTERM or SIGINT.\n"
@@ -32,7 +32,7 @@ struct run_arguments {
     struct loop_options loop;
 };
 
-static const char program[] = "arthron-station run";
+static const char run_command[] = "arthron-station run";
 
 static volatile sig_atomic_t stop;
 
@@ -42,19 +42,19 @@ static void on_signal(int signal_number) {
 }
 
 // False: refused, and said why.
-static bool take_option(struct run_arguments *out, int option) {
+static bool take_run_option(struct run_arguments *out, int option) {
     switch (option) {
     case 'c':
         out->config = optarg;
         return true;
     case 's':
         if (out->override_count == OVERRIDES_MAX)
-            return !argument_wrong(program, "--set: at most %d values", OVERRIDES_MAX);
+            return !argument_wrong(run_command, "--set: at most %d values", OVERRIDES_MAX);
         return setting_split(optarg, &out->overrides[out->override_count++]) ||
-               !argument_wrong(program, "--set %s: must be SECTION.KEY=VALUE", optarg);
+               !argument_wrong(run_command, "--set %s: must be SECTION.KEY=VALUE", optarg);
     case 't':
         return number_double(optarg, 0.001, 1e9, &out->loop.seconds) ||
-               !argument_wrong(program, "--seconds %s: must be from 0.001 to 1e9", optarg);
+               !argument_wrong(run_command, "--seconds %s: must be from 0.001 to 1e9", optarg);
     case 'l':
         out->loop.live = true;
         return true;
@@ -65,7 +65,7 @@ static bool take_option(struct run_arguments *out, int option) {
         log_set_level(LOG_DEBUG);
         return true;
     default:
-        return !argument_help(program);
+        return !argument_help(run_command);
     }
 }
 
@@ -81,7 +81,7 @@ static enum result load(const struct run_arguments *arguments, struct station_co
     return result;
 }
 
-static int run(const struct run_arguments *arguments) {
+static int run_station(const struct run_arguments *arguments) {
     struct station_config *config;
     struct error err;
     if (load(arguments, &config, &err) != RESULT_OK) {
@@ -111,15 +111,15 @@ int tool_run(int argc, char **argv) {
     struct run_arguments arguments = {0};
     for (int o; (o = getopt_long(argc, argv, "c:s:t:ljv", options, NULL)) != -1;) {
         if (o == 'h') {
-            fputs(help, stdout);
+            fputs(run_help, stdout);
             return 0;
         }
-        if (!take_option(&arguments, o))
+        if (!take_run_option(&arguments, o))
             return 2;
     }
     if (optind != argc)
-        return argument_wrong(program, "takes no %s", argv[optind]);
+        return argument_wrong(run_command, "takes no %s", argv[optind]);
     if (!arguments.config)
-        return argument_wrong(program, "--config is required");
-    return run(&arguments);
+        return argument_wrong(run_command, "--config is required");
+    return run_station(&arguments);
 }

@@ -6,6 +6,7 @@
 #include "base/result.h"
 #include "case/case.h"
 #include "cluster/ownership.h"
+#include "signon/settings.h"
 #include "task/task.h"
 #include "web/web.h"
 #include "wire/wire.h"
@@ -75,7 +76,8 @@ struct api_config {
     // thread at a time.
     enum result (*rehearse)(void *user, int task, int knee_case, uint8_t **out_batch,
                             size_t *out_size, struct error *err);
-    const struct api_cluster *cluster; // NULL: this server is alone
+    const struct api_cluster *cluster;     // NULL: this server is alone
+    const struct signon_settings *sign_on; // NULL: passwords and codes alone
     // What monitors ask for, of watch_user. From any thread. Figures as OpenMetrics, or as
     // Prometheus' text.
     void (*write_figures)(void *user, bool openmetrics, FILE *file);
@@ -91,7 +93,8 @@ struct api;
 // The link works once, while this server runs and has no instructor. Errors are those of the
 // records.
 enum result api_create(const struct api_config *config, struct api **out_api, struct error *err);
-// Ends what waits for other servers, which web_destroy would wait for.
+// Ends what waits for other servers and for the provider of the sign-on, which web_destroy would
+// wait for.
 void api_break_off(struct api *api);
 void api_destroy(struct api **api); // NULL inside is fine
 

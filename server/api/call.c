@@ -184,13 +184,16 @@ static bool has_control(const char *text) {
     return false;
 }
 
+bool call_is_name(const char *text) {
+    size_t length = strlen(text);
+    return length > 0 && length < STORE_NAME_MAX && !strchr(text, '/') && !has_control(text) &&
+           text[0] != ' ' && text[length - 1] != ' ';
+}
+
 bool call_need_name(struct api_call *call, const char *field, const char **out_name) {
     if (!call_need_text(call, field, out_name))
         return false;
-    const char *name = *out_name;
-    size_t length = strlen(name);
-    bool good = length > 0 && length < STORE_NAME_MAX && !strchr(name, '/') && !has_control(name) &&
-                name[0] != ' ' && name[length - 1] != ' ';
+    bool good = call_is_name(*out_name);
     if (!good)
         call_refuse(call, 400, "wrong_field", field,
                     "The field '%s' needs 1 to %d bytes, no '/', and no blank at either end.",
@@ -262,6 +265,16 @@ bool call_take_query(struct api_call *call, struct call_query *query) {
     while (at && *at)
         at = take_parameter(call, at, query);
     return at;
+}
+
+bool call_find_parameter(const struct api_call *call, const char *name, char *out, size_t size) {
+    size_t length = strlen(name);
+    for (const char *at = call->request->query; at; at = strchr(at, '&')) {
+        at += *at == '&';
+        if (!strncmp(at, name, length) && at[length] == '=')
+            return unescape(at + length + 1, '&', out, size) && out[0];
+    }
+    return false;
 }
 
 const char *call_parameter(const struct call_query *query, int index) {

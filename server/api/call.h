@@ -6,6 +6,7 @@
 #include "api/tally.h"
 #include "api/throttle.h"
 #include "net/signer.h"
+#include "signon/signon.h"
 #include "store/store.h"
 
 #include <jansson.h>
@@ -22,7 +23,7 @@ struct forwards;       // forward.h
 struct api {
     struct api_config config;
     int64_t started_ns;
-    struct secret_key key; // of codes and device cookies
+    struct secret_key key; // of codes, and of cookies of devices and of sign-ons
     struct signer *signer; // of results of exams
     struct throttle throttle;
     struct tally tally;
@@ -33,6 +34,7 @@ struct api {
     struct case_summaries *summaries;
     struct peer_cases *peer_cases;
     struct forwards *forwards; // NULL: this server is alone
+    struct signon *signon;     // NULL: passwords and codes alone
     struct rehearsals *rehearsals;
     pthread_mutex_t first_lock;
     char first_secret[65]; // guarded by first_lock; empty: none, or used
@@ -80,6 +82,7 @@ bool call_take_body(struct api_call *call, const char *const *fields);
 const char *call_text(const struct api_call *call, const char *field);
 bool call_need_text(struct api_call *call, const char *field, const char **out_text);
 // A name that can be a part of a path: 1 to 63 bytes, printable, without '/'.
+bool call_is_name(const char *text);
 bool call_need_name(struct api_call *call, const char *field, const char **out_name);
 bool call_need_password(struct api_call *call, const char *field, const char **out_password);
 
@@ -94,6 +97,10 @@ bool call_take_query(struct api_call *call, struct call_query *query);
 const char *call_parameter(const struct call_query *query, int index); // NULL: not given
 bool call_take_limit(struct api_call *call, const struct call_query *query, int index, int most,
                      int usual, int *out_limit);
+
+// One parameter of a query that may have others, which this server does not know. False: it is not
+// there, empty, malformed or too long.
+bool call_find_parameter(const struct api_call *call, const char *name, char *out, size_t size);
 
 // Whether the principal may see the figures of a course (NULL: of all trainees): a trainee only of
 // a course that they are in.

@@ -1,8 +1,8 @@
 #include "api/api.h"
 #include "api/case_summary.h"
+#include "api/forward.h"
 #include "api/peer_cases.h"
 #include "api/rehearsals.h"
-#include "api/forward.h"
 #include "api/routes.h"
 #include "api/secret.h"
 #include "base/check.h"
@@ -55,6 +55,8 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
     enum result result = secret_key_load(config->keys_dir, &api->key, err);
     if (result == RESULT_OK)
         result = signer_create(config->keys_dir, &api->signer, err);
+    if (result == RESULT_OK && config->sign_on)
+        result = signon_create(config->sign_on, &api->signon, err);
     if (result == RESULT_OK)
         result = look_for_instructor(api, err);
     if (result != RESULT_OK)
@@ -66,6 +68,8 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
 void api_break_off(struct api *api) {
     if (api->forwards)
         forwards_break_off(api->forwards);
+    if (api->signon)
+        signon_break_off(api->signon);
 }
 
 void api_destroy(struct api **api) {
@@ -73,6 +77,7 @@ void api_destroy(struct api **api) {
     if (!a)
         return;
     forwards_destroy(&a->forwards);
+    signon_destroy(&a->signon);
     peer_cases_destroy(&a->peer_cases);
     case_summaries_destroy(&a->summaries);
     rehearsals_destroy(&a->rehearsals);

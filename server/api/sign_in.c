@@ -1,3 +1,5 @@
+#include "api/sign_in.h"
+
 #include "api/device.h"
 #include "api/password.h"
 #include "api/routes.h"
@@ -22,14 +24,12 @@ static void set_device(struct api_call *call) {
     if (device_is_known(&call->api->key, call->request->device, who, now_ns, id))
         return;
     device_make(&call->api->key, who, now_ns, device);
-    snprintf(call->response->device, sizeof call->response->device,
+    snprintf(call->response->second_cookie, sizeof call->response->second_cookie,
              "arthron-device=%s; Path=/api/v1; Max-Age=%d; HttpOnly; SameSite=Strict", device,
              DEVICE_S);
 }
 
-// Sets a cookie for the principal. RESULT_MISSING if the password or code has changed meanwhile;
-// then the caller answers.
-static enum result set_cookie(struct api_call *call, int status) {
+enum result sign_in_set_cookie(struct api_call *call) {
     char secret[SECRET_MAX], hash[SECRET_MAX];
     int64_t id, until_ns;
     struct error err = {""};
@@ -42,8 +42,15 @@ static enum result set_cookie(struct api_call *call, int status) {
         return result;
     snprintf(call->response->cookie, sizeof call->response->cookie,
              "arthron=%s; Path=/; HttpOnly; SameSite=Strict", secret);
-    set_device(call);
     tries_entered(call, call->principal.actor);
+    return RESULT_OK;
+}
+
+static enum result enter(struct api_call *call, int status) {
+    enum result result = sign_in_set_cookie(call);
+    if (result != RESULT_OK)
+        return result;
+    set_device(call);
     call_answer(call, status, json_pack("{s:o}", "account", account_json(&call->principal)));
     return RESULT_OK;
 }
@@ -98,7 +105,7 @@ static void sign_in_by_password(struct api_call *call) {
     }
     enum result result = RESULT_MISSING;
     if (password_fits(call, there, password))
-        result = set_cookie(call, 200);
+        result = enter(call, 200);
     if (result != RESULT_MISSING)
         tries_was_right(call, &tries);
     else
@@ -121,7 +128,7 @@ static void sign_in_by_code(struct api_call *call, const char *typed) {
     if (result == RESULT_OK && !tries_may_enter(call, call->principal.actor))
         return;
     if (result == RESULT_OK)
-        result = set_cookie(call, 200);
+        result = enter(call, 200);
     if (result == RESULT_MISSING) {
         tries_note_wrong(call, "wrong code", "code");
         call_refuse(call, 401, "wrong_code", "code", "The code is wrong or has ended.");
@@ -193,7 +200,7 @@ void post_first(struct api_call *call) {
     if (made)
         call->api->first_secret[0] = '\0';
     pthread_mutex_unlock(&call->api->first_lock);
-    if (made && set_cookie(call, 201) == RESULT_MISSING)
+    if (made && enter(call, 201) == RESULT_MISSING)
         call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
 }
 

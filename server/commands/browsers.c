@@ -259,7 +259,8 @@ static void find_server(void *cluster, int station, char out_name[SERVER_NAME_SI
     cluster_server_name(cluster, station, out_name);
 }
 
-static enum result open_api(struct browsers *b, struct sessions *sessions, struct error *err) {
+static enum result open_api(struct browsers *b, const struct signon_settings *sign_on,
+                            struct sessions *sessions, struct error *err) {
     const struct sessions_config *served = sessions_config(sessions);
     for (int i = 0; i < served->case_count; i++)
         b->cases[i] = case_of(b, sessions, i);
@@ -274,6 +275,7 @@ static enum result open_api(struct browsers *b, struct sessions *sessions, struc
         (struct api_cluster){cluster, tell_self, list_peers, find_server, served->traces_dir};
     const struct api_config config = {
         .cluster = cluster ? &b->cluster : NULL,
+        .sign_on = sign_on->issuer[0] ? sign_on : NULL,
         .records = served->records,
         .keys_dir = served->keys_dir,
         .link = b->link,
@@ -351,7 +353,7 @@ enum result browsers_create(const struct server_config *config, struct sessions 
     if (result == RESULT_OK)
         result = make_link(&config->web, b->link, err);
     if (result == RESULT_OK)
-        result = open_api(b, sessions, err);
+        result = open_api(b, &config->sign_on, sessions, err);
     if (result == RESULT_OK)
         result = open_web(b, &config->web, err);
     if (result == RESULT_OK)

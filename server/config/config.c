@@ -138,6 +138,11 @@ static void *find_xapi(void *user, const char *name, struct error *err) {
     return &((struct server_config *)user)->xapi;
 }
 
+static void *find_sign_on(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return &((struct server_config *)user)->sign_on;
+}
+
 static void *find_cluster(void *user, const char *name, struct error *err) {
     (void)name, (void)err;
     return &((struct server_config *)user)->sessions.cluster;
@@ -256,6 +261,7 @@ static void *find_station(void *user, const char *name, struct error *err) {
 #define SESSIONS(member) SETTING_IN(struct sessions_config, member)
 #define WEB(member) SETTING_IN(struct web_settings, member)
 #define XAPI(member) SETTING_IN(struct xapi_settings, member)
+#define SIGN_ON(member) SETTING_IN(struct signon_settings, member)
 #define CLUSTER(member) SETTING_IN(struct cluster_settings, member)
 #define WARP(member) SETTING_IN(struct session_settings, member)
 #define STATION(member) SETTING_IN(struct session_station, member)
@@ -299,6 +305,16 @@ static const struct setting_key xapi_keys[] = {
     {"server", SETTING_TEXT, XAPI(server)},     {"user", SETTING_TEXT, XAPI(user)},
     {"password", SETTING_PATH, XAPI(password)}, {"authority", SETTING_PATH, XAPI(authority)},
     {"names", SETTING_SWITCH, XAPI(names)},     {0},
+};
+
+static const struct setting_key sign_on_keys[] = {
+    {"issuer", SETTING_TEXT, SIGN_ON(issuer)},
+    {"client_id", SETTING_TEXT, SIGN_ON(client_id)},
+    {"client_secret", SETTING_PATH, SIGN_ON(client_secret)},
+    {"name", SETTING_TEXT, SIGN_ON(name)},
+    {"claim", SETTING_TEXT, SIGN_ON(claim)},
+    {"authority", SETTING_PATH, SIGN_ON(authority)},
+    {0},
 };
 
 static const struct setting_key cluster_keys[] = {
@@ -361,6 +377,7 @@ static const struct setting_section sections[] = {
     {"server", server_keys, find_server},
     {"web", web_keys, find_web},
     {"xapi", xapi_keys, find_xapi},
+    {"sign_on", sign_on_keys, find_sign_on},
     {"cluster", cluster_keys, find_cluster},
     {"warp", warp_keys, find_warp},
     {"instrument NAME", instrument_keys, find_instrument},
@@ -474,6 +491,30 @@ static enum result complete_xapi(const struct sessions_config *c, const struct x
     return RESULT_OK;
 }
 
+static enum result complete_sign_on(const struct web_settings *w, struct signon_settings *s,
+                                    struct error *err) {
+    bool is_used = s->issuer[0] || s->client_id[0] || s->client_secret[0] || s->name[0] ||
+                   s->claim[0] || s->authority[0];
+    const char *missing = !s->issuer[0]      ? "issuer"
+                          : !s->client_id[0] ? "client_id"
+                          : !s->name[0]      ? "name"
+                                             : NULL;
+    if (!is_used)
+        return RESULT_OK;
+    if (missing)
+        return fail(err, RESULT_MISSING, "[sign_on] needs the key \"%s\"", missing);
+    if (!w->port || w->is_plain)
+        return fail(err, RESULT_INVALID, "[sign_on] needs [web], and no plain there");
+    if (strncmp(s->issuer, "https://", 8) != 0)
+        return fail(
+            err, RESULT_INVALID,
+            "[sign_on] issuer = %s: anybody could answer for it; it must begin with https://",
+            s->issuer);
+    if (!s->claim[0])
+        strcpy(s->claim, "preferred_username");
+    return RESULT_OK;
+}
+
 // Where stations reach the server, with the port of the pages.
 static void complete_pages(const struct web_settings *w, struct cluster_settings *c) {
     const char *colon = strrchr(c->stations, ':');
@@ -529,6 +570,8 @@ enum result config_load(const char *path, const struct setting_override *overrid
         result = complete_web(&out_config->sessions, &out_config->web, err);
     if (result == RESULT_OK)
         result = complete_xapi(&out_config->sessions, &out_config->xapi, err);
+    if (result == RESULT_OK)
+        result = complete_sign_on(&out_config->web, &out_config->sign_on, err);
     if (result == RESULT_OK)
         result = complete_cluster(&out_config->web, &out_config->sessions.cluster, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);

@@ -4,6 +4,7 @@
 
 #include "sessions/config.h"
 #include "settings/settings.h"
+#include "signon/settings.h"
 #include "xapi/xapi.h"
 
 #define SERVER_NAMES_MAX 8
@@ -22,6 +23,7 @@ struct server_config {
     struct sessions_config sessions;
     struct web_settings web;
     struct xapi_settings xapi;
+    struct signon_settings sign_on;
 };
 
 // Paths in the file are relative to the file's folder. The error names file, line, section and key:

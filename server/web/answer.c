@@ -38,6 +38,7 @@ static const char *status_text(int status) {
         {201, "Created"},
         {204, "No Content"},
         {206, "Partial Content"},
+        {303, "See Other"},
         {304, "Not Modified"},
         {400, "Bad Request"},
         {401, "Unauthorized"},
@@ -357,7 +358,8 @@ static void put_cookie(struct answer *a, const char *cookie, bool over_tls) {
 static void put_headers(struct answer *a, const struct web_response *r, bool over_tls) {
     put_header(a, "Content-Type", r->type[0] ? r->type : "application/json");
     put_cookie(a, r->cookie, over_tls);
-    put_cookie(a, r->device, over_tls);
+    put_cookie(a, r->second_cookie, over_tls);
+    put_header(a, "Location", r->location);
     put_etag(a, r->etag, r->compress);
     put_disposition(a, r->download);
     put(a, "Cache-Control: %s\r\n", r->etag[0] ? "private, no-cache" : "no-store");

@@ -7,7 +7,7 @@
 
 #include <stdint.h>
 
-#define ANSWER_HEAD_MAX 2048
+#define ANSWER_HEAD_MAX 4096
 #define ANSWER_PIECE 262144 // of a file, read at once
 
 // The headers of a request that matter for its answer. The text of a missing header is empty.

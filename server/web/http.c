@@ -44,7 +44,7 @@ static bool read_path(struct web_task *task, const char *uri, int length) {
 
 // libwebsockets gives arguments one by one, and unescaped.
 static bool read_query(struct lws *socket, struct web_task *task) {
-    char argument[512];
+    char argument[2048]; // the code of a sign-on may be long
     size_t used = 0;
     for (int i = 0; lws_hdr_fragment_length(socket, WSI_TOKEN_HTTP_URI_ARGS, i) > 0; i++) {
         int length =
@@ -89,11 +89,13 @@ static bool is_accepted(const char *accepted, const char *what) {
     return weight[4] == '.' && strspn(weight + 5, "0") != strcspn(weight + 5, ",; ");
 }
 
-static void read_device(struct lws *socket, char out_device[WEB_TOKEN_MAX]) {
+static void read_other_cookies(struct lws *socket, struct web_task *task) {
     char text[2048];
-    out_device[0] = '\0';
-    if (header(socket, WSI_TOKEN_HTTP_COOKIE, text, sizeof text))
-        token_of_device(text, out_device);
+    task->device[0] = task->sign_on[0] = '\0';
+    if (!header(socket, WSI_TOKEN_HTTP_COOKIE, text, sizeof text))
+        return;
+    token_of_device(text, task->device);
+    token_of_sign_on(text, task->sign_on);
 }
 
 static bool takes_openmetrics(struct lws *socket) {
@@ -160,21 +162,20 @@ static struct refusal check_origin(const struct web_connection *c, const char *h
 
 static struct refusal check_request(struct web_connection *c, struct web_task *task, int64_t length,
                                     bool readable) {
-    char host[300];
     struct refusal refusal = check_length(task->method, length);
     if (refusal.status)
         return refusal;
     if (!readable)
         return (struct refusal){400, "address", "The path or query is too long or malformed.",
                                 false};
-    refusal = check_host(c, host, sizeof host);
+    refusal = check_host(c, task->host, sizeof task->host);
     if (refusal.status)
         return refusal;
     if (!task->method[0])
         return (struct refusal){405, "method", "This server does not support this method.", false};
     if (!strcmp(task->method, "GET"))
         return (struct refusal){0};
-    return check_origin(c, host, task->by_cookie);
+    return check_origin(c, task->host, task->by_cookie);
 }
 
 // ---- answering ----------------------------------------------------------------------------------
@@ -286,7 +287,7 @@ int http_begin(struct web_connection *c) {
     struct web_task *task = c->task = web_task_create(WEB_TASK_REQUEST, c);
     read_method(c->socket, task, &uri, &uri_length);
     read_token(c->socket, task->token, &task->by_cookie);
-    read_device(c->socket, task->device);
+    read_other_cookies(c->socket, task);
     read_options(c->socket, &task->options);
     task->options.over_tls = c->web->tls_files != NULL;
     task->is_passed_on = is_passed_on(c->socket);
@@ -446,7 +447,7 @@ void http_end(struct web_connection *c) {
 
 static struct refusal check_upgrade(struct web_connection *c, const char *protocol,
                                     char *out_token) {
-    char host[300], subprotocol[64], *uri;
+    char host[WEB_HOST_MAX], subprotocol[64], *uri;
     bool by_cookie;
     int length;
     struct refusal refusal = check_host(c, host, sizeof host);

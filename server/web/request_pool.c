@@ -59,6 +59,8 @@ static void answer_request(struct request_pool *p, struct web_task *task) {
         .token = task->token[0] ? task->token : NULL,
         .by_cookie = task->by_cookie,
         .device = task->device[0] ? task->device : NULL,
+        .sign_on = task->sign_on[0] ? task->sign_on : NULL,
+        .host = task->host,
         .address = task->address,
         .is_near = task->is_near,
         .is_passed_on = task->is_passed_on,

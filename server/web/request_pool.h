@@ -20,14 +20,15 @@ struct web_task {
     struct web_task *next;
     struct request_pool *pool;
     char token[WEB_TOKEN_MAX];
-    char device[WEB_TOKEN_MAX]; // empty: none
-    struct web_account account; // whose the token is
+    char device[WEB_TOKEN_MAX], sign_on[WEB_TOKEN_MAX]; // empty: none
+    struct web_account account;                         // whose the token is
     // WEB_TASK_ACCOUNT
     enum result entry;
     // WEB_TASK_REQUEST
     char method[8];
     char path[512];
-    char query[2048];
+    char query[8192];
+    char host[WEB_HOST_MAX];
     char address[48];
     bool is_near;
     bool by_cookie;

@@ -37,6 +37,10 @@ bool token_of_device(const char *cookies, char out_token[WEB_TOKEN_MAX]) {
     return take_cookie(cookies, "arthron-device=", out_token);
 }
 
+bool token_of_sign_on(const char *cookies, char out_token[WEB_TOKEN_MAX]) {
+    return take_cookie(cookies, "arthron-sign-on=", out_token);
+}
+
 bool token_of_authorization(const char *authorization, char out_token[WEB_TOKEN_MAX]) {
     static const char scheme[] = "Bearer ";
     if (strncasecmp(authorization, scheme, sizeof scheme - 1))

@@ -20,6 +20,7 @@
 #define WEB_BATCH_MAX 65536 // an encoded LiveBatch
 #define WEB_BATCHES_ON_WAY 2
 #define WEB_NAMES_MAX 8
+#define WEB_HOST_MAX 300 // of the header Host
 
 struct web;
 struct lws_context;
@@ -35,7 +36,8 @@ struct web_account {
 #define WEB_VIA "arthron-server" // in the header Via of what a server passes on
 #define WEB_LATER_THREADS 8
 
-// Texts live until on_request returns. Only `token`, `device`, `range` and `if_range` may be NULL.
+// Texts live until on_request returns. Only `token`, `device`, `sign_on`, `range` and
+// `if_range` may be NULL.
 struct web_request {
     const char *method; // "GET" (also for HEAD), "POST", "PUT", "PATCH", "DELETE"
     const char *path;   // "/api/v1/...": unescaped, without the query
@@ -45,6 +47,8 @@ struct web_request {
     const char *token;      // of the cookie `arthron` or of `Authorization: Bearer`; NULL: none
     bool by_cookie;         // the token is the cookie's
     const char *device;     // of the cookie `arthron-device`; NULL: none
+    const char *sign_on;    // of the cookie `arthron-sign-on`; NULL: none
+    const char *host;       // a name of this server, as the browser calls it: "hall.example:4880"
     const char *address;    // the browser's
     bool is_near;           // an IPv6 address of the server's own network (base/source.h)
     bool is_passed_on;      // by another server (WEB_VIA)
@@ -62,14 +66,15 @@ struct web_response {
     size_t size;
     char file[512];  // instead of body: the path of a file, with Range; 404 if it cannot be read
     FILE *open_file; // instead of both: this room reads it from its begin, and closes it
-    char content_range[64]; // of a 206 or 416 that was made elsewhere, as it is
-    char owner[64];         // who downloads the file; a few at a time for each owner, else 503
-    bool stands_alone;      // a page with its own style, without scripts and links to other files
-    bool compress;          // with gzip, for browsers that accept it; a compressed file is cached
-    char etag[80];          // without quotes; empty: browsers must not store it
-    char cookie[256];       // the value of Set-Cookie; this room adds Secure where there is TLS
-    char device[256];       // the value of another one
-    char download[128];     // the file name for a browser's download
+    char content_range[64];  // of a 206 or 416 that was made elsewhere, as it is
+    char owner[64];          // who downloads the file; a few at a time for each owner, else 503
+    bool stands_alone;       // a page with its own style, without scripts and links to other files
+    bool compress;           // with gzip, for browsers that accept it; a compressed file is cached
+    char etag[80];           // without quotes; empty: browsers must not store it
+    char cookie[256];        // the value of Set-Cookie; this room adds Secure where there is TLS
+    char second_cookie[256]; // the value of another one
+    char location[2048];     // where a 303 sends the browser to
+    char download[128];      // the file name for a browser's download
     int retry_after_s;
     // The answer has to be waited for: `later` makes it, on one of WEB_LATER_THREADS threads that
     // hold up no other request, and the rest (but the account) is not looked at. It is called once,

@@ -27,6 +27,9 @@ STATIONS = "[station room-1]\ncase = healthy\ntrainee = ada\n[station room-2]\nc
 EXPECTED = """
 POST   /sign-in                400  400          400          400          400
 POST   /first                  400  400          400          400          400
+GET    /sign-on                200  200          200          200          200
+GET    /sign-on/start          404  404          404          404          404
+GET    /sign-on/back           404  404          404          404          404
 POST   /sign-out               204  204          204          204          204
 GET    /me                     401  200          200          200          200
 PATCH  /me                     401  400          400          400          400

@@ -60,6 +60,10 @@ class Calls:
         for path in ("/healthz", "/readyz", "/openapi.json"):
             answer = self.ask("GET", path, status=200)
         self.assertEqual(answer.json, self.whole)
+        self.ask("GET", "/sign-on", status=200)
+        for path in ("/sign-on/start", "/sign-on/back"):
+            answer = self.ask("GET", path, status=303)  # its provider is away
+            self.assertTrue(answer.headers["Location"].startswith("/#/sign-in?sign-on="))
         self.change("INSERT INTO account (name, role, created_utc_ns) VALUES ('tim', 'technician', 1)")
         secret = re.search(r"/#/first/([0-9a-f]{64})", self.server.log())[1]
         first = {"secret": secret, "name": "tim", "password": PASSWORD}

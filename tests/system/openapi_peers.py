@@ -44,6 +44,8 @@ class Peers(WithNats):
         self.grace = self.make_first(self.start_named("a"))
         self.peer = bearer(self.secret_of("a"))
         self.ask("GET", "/servers", who=self.grace, status=200)
+        for path in ("/sign-on/start", "/sign-on/back"):
+            self.ask("GET", path, None, None, 404, "not_found")
         query = "?hash=" + call_json("arthron-case", "info", os.path.join(self.cases, "healthy"))["sha256"]
         self.ask("GET", "/peer/cases", who=self.peer, status=200, query=query)
         for file in ("case.json", "anatomy.glb"):

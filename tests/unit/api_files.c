@@ -197,9 +197,9 @@ bool api_passed_on;
 void api_restart(void) {
     static const char link[] = "https://server.example.org:4880/";
     const struct api_config config = {
-        records,       keys, link,          cases,       2,       stations, 2,
-        report,        4810, NULL,          api_checker, tasks,   2,        obey,
-        take_released, NULL, compute_hands, api_cluster, figures, lives,    is_ready};
+        records, keys,        link,  cases,   2,    stations,      2,    report,        4810,
+        NULL,    api_checker, tasks, 2,       obey, take_released, NULL, compute_hands, api_cluster,
+        NULL,    figures,     lives, is_ready};
     api_destroy(&the_api);
     assert_ok(api_create(&config, &the_api, &err));
 }

@@ -53,9 +53,9 @@ static const char *device_cookie(void) {
     static char values[2][97];
     static int next;
     char *value = values[next++ % 2];
-    assert_int_equal(sscanf(answer.device, "arthron-device=%96[0-9a-f];", value), 1);
+    assert_int_equal(sscanf(answer.second_cookie, "arthron-device=%96[0-9a-f];", value), 1);
     assert_int_equal(strlen(value), 96);
-    assert_non_null(strstr(answer.device, "; Path=/api/v1; Max-Age=7776000; HttpOnly"));
+    assert_non_null(strstr(answer.second_cookie, "; Path=/api/v1; Max-Age=7776000; HttpOnly"));
     return value;
 }
 
@@ -76,7 +76,7 @@ static void whoever_signed_in_here_before_passes_others_who_guess(void **state) 
     assert_int_equal(sign_in("tom", PASSWORD), 429);
     device = known;
     assert_int_equal(sign_in("tom", PASSWORD), 200);
-    assert_string_equal(answer.device, ""); // it has one
+    assert_string_equal(answer.second_cookie, ""); // it has one
     for (int i = 0; i < 5; i++)             // it cannot guess without an end
         assert_int_equal(sign_in("tom", "wrong password"), 401);
     assert_int_equal(sign_in("tom", PASSWORD), 429);

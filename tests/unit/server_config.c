@@ -11,6 +11,7 @@
 #define SERVER "[server]\naddress = 10.0.0.1\nkeys = keys\ntraces = traces\nsocket = s\n"
 #define HASH "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"
 #define RECORDS "records = records.db\n"
+#define SIGN_ON SERVER RECORDS "[web]\nport = 4880\n[sign_on]\n"
 
 static char dir[FOLDER_MAX];
 static struct server_config config;
@@ -93,6 +94,15 @@ static void what_cannot_be_is_named(void **state) {
          "needs the key \"password\""},
         {SERVER "[xapi]\nfile = x\n", "[xapi] needs [server] records"},
         {SERVER RECORDS "[xapi]\nfile = x\nnames = some\n", "names = some"},
+        {SIGN_ON "client_id = a\nname = b\n", "[sign_on] needs the key \"issuer\""},
+        {SIGN_ON "issuer = https://a\nname = b\n", "[sign_on] needs the key \"client_id\""},
+        {SIGN_ON "issuer = https://a\nclient_id = b\n", "[sign_on] needs the key \"name\""},
+        {SIGN_ON "issuer = http://a\nclient_id = b\nname = c\n", "it must begin with https://"},
+        {SERVER RECORDS "[sign_on]\nissuer = https://a\nclient_id = b\nname = c\n",
+         "[sign_on] needs [web]"},
+        {SERVER RECORDS "[web]\nport = 4880\naddress = 127.0.0.1\nplain = yes\n"
+                        "[sign_on]\nissuer = https://a\nclient_id = b\nname = c\n",
+         "no plain there"},
         {SERVER RECORDS "[browsers]\nport = 4880\n", "browsers"},
         {SERVER "[sever]\nport = 1\n",
          "line 7: there is no section [sever]; did you mean [server]?"},
@@ -187,6 +197,25 @@ static void statements_go_where_somebody_says_so(void **state) {
     assert_true(config.xapi.names);
 }
 
+static void people_sign_on_where_somebody_says_so(void **state) {
+    (void)state;
+    assert_int_equal(load(SERVER RECORDS), RESULT_OK);
+    assert_string_equal(config.sign_on.issuer, "");
+    assert_int_equal(load(SIGN_ON "issuer = https://a/b\nclient_id = c\nname = Sign on\n"),
+                     RESULT_OK);
+    assert_string_equal(config.sign_on.claim, "preferred_username");
+    assert_string_equal(config.sign_on.client_secret, "");
+    assert_int_equal(load(SIGN_ON "issuer = https://a/b\nclient_id = c\nname = Sign on\n"
+                                  "client_secret = s\nauthority = a.pem\nclaim = upn\n"),
+                     RESULT_OK);
+    assert_string_equal(config.sign_on.issuer, "https://a/b");
+    assert_string_equal(config.sign_on.client_id, "c");
+    assert_string_equal(config.sign_on.name, "Sign on");
+    assert_string_equal(config.sign_on.claim, "upn");
+    expect_path(config.sign_on.client_secret, "s");
+    expect_path(config.sign_on.authority, "a.pem");
+}
+
 static void others_find_the_pages_where_stations_find_the_server(void **state) {
     (void)state;
     static const char cluster[] = "[cluster]\nname = a\nnats = nats://n:4222\n";
@@ -251,6 +280,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(what_cannot_be_is_named, begin, end),
         cmocka_unit_test_setup_teardown(every_kind_of_value_goes_where_it_belongs, begin, end),
         cmocka_unit_test_setup_teardown(statements_go_where_somebody_says_so, begin, end),
+        cmocka_unit_test_setup_teardown(people_sign_on_where_somebody_says_so, begin, end),
         cmocka_unit_test_setup_teardown(others_find_the_pages_where_stations_find_the_server, begin,
                                         end),
         cmocka_unit_test_setup_teardown(eight_names_are_kept_whole, begin, end),

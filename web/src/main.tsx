@@ -25,6 +25,7 @@ const ALL: Role[] = ["instructor", "technician", "trainee"];
 const PAGES: Record<string, Page> = {
   "sign-in": { load: async () => (await import("./views/signin")).signIn, bare: true },
   first: { load: async () => (await import("./views/signin")).first, bare: true },
+  "signed-on": { load: async () => (await import("./views/signin")).signedOn, bare: true },
   demo: { load: async () => (await import("./views/signin")).demo, bare: true },
   wall: { load: async () => (await import("./views/wall")).wall, roles: STAFF },
   sessions: { load: async () => (await import("./views/sessions")).sessions, roles: ["instructor", "trainee"] },

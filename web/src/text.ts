@@ -160,6 +160,18 @@ export const text = {
     needName: "Enter your name.",
     needPassword: "Enter your password.",
     needCode: "Enter the 8 characters of your code.",
+    signOn: {
+      unknownName: (name: string) => `There is no account ${name} here. Ask an instructor to make one first.`,
+      faults: {
+        again: "The sign-on took too long, or another tab began it. Try again.",
+        refused: "Your sign-on was refused. Ask a technician: the server's log says why.",
+        unknown: "You have no account here. Ask an instructor to make one first.",
+        away: "The sign-on does not work now. Use your password, or try again later.",
+        busy: "Others sign on now. Try again in a few seconds.",
+        "too-many": "Too many attempts. Wait a minute.",
+        failed: "You are not signed in. Try again.",
+      } as Record<string, string> & { failed: string },
+    },
   },
   first: {
     title: "Welcome to Arthron",
@@ -317,7 +329,7 @@ export const text = {
       server: "Server", // where no person did it
       actions: {
         add: "Added", code: "Sign-in code made", end: "Ended", enrol: "Added to a course", erase: "Erased", "full name": "Full name changed", open: "Session opened",
-        remove: "Deleted", rename: "Renamed", restore: "Restored", "sign in": "Signed in", "sign out": "Signed out", unenrol: "Removed from a course",
+        remove: "Deleted", rename: "Renamed", restore: "Restored", "sign in": "Signed in", "sign on": "Signed in at the provider", "sign out": "Signed out", unenrol: "Removed from a course",
         "undo refused": "Undo refused",
       } as Record<string, string>,
       actionOf: (action: string): string => text.admin.audit.actions[action] ?? sentence(action),

@@ -1,4 +1,4 @@
-// Signing in with a password or a trainee's code, and the first account of a new server.
+// Signing in with a password, a trainee's code or at a provider, and the first account of a new server.
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
@@ -9,6 +9,7 @@ import { text } from "../text";
 
 const PASSWORD_LEAST = 10;
 const CODE_LENGTH = 8;
+const NAME_MOST = 63;
 const PANEL = "sign-in-form";
 const TABS = (["password", "code"] as const).map((kind) => [kind, text.signIn[kind]] as const);
 
@@ -22,10 +23,21 @@ export const signIn: View = view(({ route, app }) => {
   useEffect(() => app.title(text.signIn.title), []);
   return (
     <Card title={text.signIn.title}>
+      <SignOnFault query={route.query} />
+      <SignOn app={app} />
       <Tabs label={text.signIn.title} tabs={TABS} chosen={kind.value} panel={PANEL} onChoose={(chosen) => (kind.value = chosen)} />
       <First key={kind.value}><div id={PANEL} role="tabpanel">{kind.value === "password" ? <PasswordForm app={app} /> : <CodeForm app={app} />}</div></First>
     </Card>
   );
+});
+
+/** #/signed-on: the server has set the cookie; whose it is, it tells. */
+export const signedOn: View = view(({ app }) => {
+  useEffect(() => {
+    app.title(text.signIn.title);
+    app.api.get<Answer>("/me").then(({ account }) => app.signedIn(account), () => location.replace("#/sign-in?sign-on=failed"));
+  }, []);
+  return <Loading />;
 });
 
 /** #/first/SECRET */
@@ -62,6 +74,27 @@ export const demo: View = view(({ route, app }) => {
   }, []);
   return <Loading />;
 });
+
+// A browser goes to the provider and comes back: no request of the page can do that.
+function SignOn({ app }: { app: App }) {
+  const name = useSignal("");
+  useEffect(() => {
+    app.api.get<{ name: string | null }>("/sign-on").then((answer) => (name.value = answer.name ?? ""), () => {});
+  }, []);
+  return name.value ? <a class="button wide" href="/api/v1/sign-on/start">{name.value}</a> : null;
+}
+
+// Why a sign-on failed: the server puts a word, and perhaps a name, into the address.
+function SignOnFault({ query }: { query: URLSearchParams }) {
+  const why = query.get("sign-on");
+  if (!why) return null;
+  const faults = text.signIn.signOn;
+  const name = query.get("name") ?? "";
+  return <p role="alert" class="fault">{why === "unknown" && isName(name) ? faults.unknownName(name) : faults.faults[why] ?? faults.faults.failed}</p>;
+}
+
+// As the server's names of accounts are: an address that somebody made up shows nothing else.
+const isName = (name: string): boolean => /^[^/\p{C}]+$/u.test(name) && name.trim() === name && new TextEncoder().encode(name).length <= NAME_MOST;
 
 function PasswordForm({ app }: { app: App }) {
   return (

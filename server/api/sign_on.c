@@ -8,7 +8,6 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "peers/ask.h"
 
 #include <inttypes.h>
 #include <stdarg.h>
@@ -17,6 +16,7 @@
 #include <string.h>
 
 #define SIGN_ON_S 600
+#define SKEW_S 60   // between the clocks of servers that share a key
 #define HEAD_MAX 49 // digits: when the browser left, and a random number
 #define CODE_MAX 2048
 #define COOKIE "arthron-sign-on=%s; Path=/api/v1/sign-on; Max-Age=%d; HttpOnly; SameSite=Lax"
@@ -56,7 +56,7 @@ static bool is_recent(const char *head, int64_t now_utc_ns) {
     if (sscanf(head, "%16" SCNx64, &left_utc_ns) != 1)
         return false;
     int64_t age_ns = now_utc_ns - (int64_t)left_utc_ns;
-    return age_ns >= 0 && age_ns < SIGN_ON_S * NS_PER_S;
+    return age_ns > -SKEW_S * NS_PER_S && age_ns < SIGN_ON_S * NS_PER_S;
 }
 
 // Whether the query is of this browser's own sign-on, for the first time.
@@ -98,6 +98,14 @@ static void send_back(struct web_response *response, const char *why) {
 static void tell(struct sign_on *s, const char *text) {
     if (tally_is_told(tally_add(&s->api->tally, text, clock_now_ns())))
         log_warning("api", "a sign-on from %s failed: %s", s->address, text);
+}
+
+// The fault is on the provider's side, or this server ends.
+static void send_away(struct sign_on *s, enum result result, const struct error *err,
+                      struct web_response *response) {
+    if (result != RESULT_CLOSED)
+        tell(s, err->text);
+    send_back(response, "away");
 }
 
 // The fault is on the browser's side. The try stays counted.
@@ -143,8 +151,7 @@ static void leave(struct sign_on *s, struct web_response *out) {
     enum result result = signon_begin(s->api->signon, &s->secrets, s->redirect, url, &err);
     signon_leave_place(s->api->signon);
     if (result != RESULT_OK) {
-        tell(s, err.text);
-        send_back(out, "away");
+        send_away(s, result, &err, out);
         return;
     }
     snprintf(out->cookie, sizeof out->cookie, COOKIE, s->head, SIGN_ON_S);
@@ -169,14 +176,6 @@ void get_sign_on_start(struct api_call *call) {
 
 // ---- back ---------------------------------------------------------------------------------------
 
-static void refuse_unknown(struct api_call *call, struct sign_on *s, const char *name) {
-    char escaped[3 * STORE_NAME_MAX];
-    bool fits = peer_escape(name, escaped, sizeof escaped);
-    CHECK(fits);
-    refuse(call, s, "unknown", "no account", "the provider names somebody who has no account here");
-    send_to(call->response, "/#/sign-in?sign-on=unknown&name=%s", escaped);
-}
-
 static void note_sign_on(struct api_call *call) {
     char subject[STORE_NAME_MAX];
     struct error err;
@@ -185,13 +184,15 @@ static void note_sign_on(struct api_call *call) {
         log_error("api", "the sign-on of %s is not in the audit log: %s", subject, err.text);
 }
 
-// With the store open. RESULT_MISSING: there is no such account, or somebody has signed it out
-// meanwhile.
+// With the store open. RESULT_MISSING: there is no such account that may sign in, or somebody has
+// signed it out meanwhile.
 static enum result enter_as(struct api_call *call, const char *name) {
     struct error err = {""};
     enum result result = store_find_account(call->store, name, &call->principal, &err);
     if (result == RESULT_MISSING || !call_check(call, result, &err))
         return result;
+    if (!call->principal.password[0])
+        return RESULT_MISSING;
     if (!tries_may_enter(call, call->principal.actor))
         return RESULT_LIMIT;
     return sign_in_set_cookie(call);
@@ -204,7 +205,8 @@ static void come_in(struct api_call *call, struct sign_on *s, const char *name) 
     }
     enum result result = call_open_store(call) ? enter_as(call, name) : RESULT_IO;
     if (result == RESULT_MISSING) {
-        refuse_unknown(call, s, name);
+        refuse(call, s, "unknown", "no account",
+               "the provider names somebody who has no account here");
         return;
     }
     tries_was_right(call, &s->tries);
@@ -234,8 +236,7 @@ static void come_back(struct sign_on *s, struct web_response *out) {
         refuse(&call, s, "refused", "a code", err.text);
     } else {
         tries_was_right(&call, &s->tries);
-        tell(s, err.text);
-        send_back(out, "away");
+        send_away(s, result, &err, out);
     }
     call_close_store(&call);
 }
@@ -247,19 +248,34 @@ static void come_back_later(void *data, struct web_response *out) {
     free(data);
 }
 
-// False: the browser has its answer.
+// What the provider says instead of a code (RFC 6749, 4.1.2.1).
+static void refuse_error(struct api_call *call, struct sign_on *s) {
+    char word[SIGNON_WORD_MAX], text[SIGNON_WORD_MAX + 48];
+    bool is_told = call_find_parameter(call, "error", word, sizeof word) && signon_is_word(word);
+    snprintf(text, sizeof text, "the provider gives no code: %s", is_told ? word : "no reason");
+    if (!is_told || strcmp(word, "access_denied") != 0) {
+        refuse(call, s, "refused", "no code", text);
+        return;
+    }
+    tries_was_right(call, &s->tries);
+    send_back(call->response, "cancelled");
+}
+
+// False: the browser has its answer. What it brings counts as a try only where it has left from
+// here: else any page could use up the tries of its address.
 static bool may_ask(struct api_call *call, struct sign_on *s) {
+    if (!is_own(call, s)) {
+        tell(s, "the browser brings no cookie that fits, or one that has served");
+        send_back(call->response, "again");
+        return false;
+    }
     if (!tries_begin(call, NULL, &s->tries)) {
         send_back(call->response, "too-many");
         return false;
     }
-    if (!is_own(call, s)) {
-        refuse(call, s, "again", "a cookie", "the browser brings no cookie that fits, or again");
-        return false;
-    }
     if (call_find_parameter(call, "code", s->code, sizeof s->code))
         return true;
-    refuse(call, s, "refused", "no code", "the provider gives no code");
+    refuse_error(call, s);
     return false;
 }
 

@@ -498,6 +498,7 @@ static enum result complete_sign_on(const struct web_settings *w, struct signon_
     const char *missing = !s->issuer[0]      ? "issuer"
                           : !s->client_id[0] ? "client_id"
                           : !s->name[0]      ? "name"
+                          : !s->claim[0]     ? "claim"
                                              : NULL;
     if (!is_used)
         return RESULT_OK;
@@ -510,8 +511,6 @@ static enum result complete_sign_on(const struct web_settings *w, struct signon_
             err, RESULT_INVALID,
             "[sign_on] issuer = %s: anybody could answer for it; it must begin with https://",
             s->issuer);
-    if (!s->claim[0])
-        strcpy(s->claim, "preferred_username");
     return RESULT_OK;
 }
 

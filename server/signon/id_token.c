@@ -27,15 +27,11 @@ static bool is_text(const json_t *value, const char *text) {
     return json_is_string(value) && !strcmp(json_string_value(value), text);
 }
 
-// One of several readers must be named by azp.
+// For this client alone: no other one is trusted with what is for it.
 static bool is_for(const json_t *payload, const char *client_id) {
     const json_t *aud = json_object_get(payload, "aud"), *azp = json_object_get(payload, "azp");
-    bool is = is_text(aud, client_id);
-    for (size_t i = 0; i < json_array_size(aud); i++)
-        is = is || is_text(json_array_get(aud, i), client_id);
-    if (azp || json_array_size(aud) > 1)
-        is = is && is_text(azp, client_id);
-    return is;
+    const json_t *only = json_array_size(aud) == 1 ? json_array_get(aud, 0) : aud;
+    return is_text(only, client_id) && (!azp || is_text(azp, client_id));
 }
 
 static bool is_timely(const json_t *payload, int64_t now_s) {

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "signon/signon.h"
 
 #include <curl/curl.h>
 #include <pthread.h>
@@ -115,13 +116,13 @@ static enum result result_of(CURLcode code) {
     }
 }
 
-// The word of RFC 6749, 5.2, for the log.
-static void refuse(const json_t *answer, const char *url, long status, struct error *err) {
+// Only a grant that is not valid is the browser's fault (RFC 6749, 5.2).
+static enum result refuse(const json_t *answer, const char *url, long status, struct error *err) {
     const char *word = json_string_value(json_object_get(answer, "error"));
-    bool good = word && strlen(word) <= 40;
-    for (const char *at = good ? word : ""; *at; at++)
-        good = good && *at >= ' ' && *at <= '~';
-    fail(err, RESULT_REFUSED, "%s: status %ld %s", url, status, good ? word : "");
+    bool is_told = word && signon_is_word(word);
+    bool is_grant = is_told && !strcmp(word, "invalid_grant");
+    return fail(err, is_grant ? RESULT_REFUSED : RESULT_FORMAT, "%s: status %ld %s", url, status,
+                is_told ? word : "");
 }
 
 static enum result read_answer(const struct transfer *t, long status, json_t **out,
@@ -131,15 +132,9 @@ static enum result read_answer(const struct transfer *t, long status, json_t **o
         *out = answer;
         return RESULT_OK;
     }
-    enum result result = RESULT_FORMAT;
-    if (status >= 400 && status < 500) {
-        result = RESULT_REFUSED;
-        refuse(answer, t->url, status, err);
-    } else if (status == 200) {
-        fail(err, result, "%s: the answer is no JSON object", t->url);
-    } else {
-        fail(err, result, "%s: status %ld", t->url, status);
-    }
+    enum result result = status == 200
+                             ? fail(err, RESULT_FORMAT, "%s: the answer is no JSON object", t->url)
+                             : refuse(answer, t->url, status, err);
     json_decref(answer);
     return result;
 }
@@ -259,7 +254,7 @@ static enum result discover(struct provider *p, struct provider_places *out, str
     snprintf(url, sizeof url, "%.*s%s", (int)length, issuer, discovery);
     enum result result = ask(p, url, NULL, NULL, NULL, &answer, err);
     if (result != RESULT_OK)
-        return result == RESULT_REFUSED ? RESULT_FORMAT : result;
+        return result;
     result = read_places(p->settings, answer, out, err);
     json_decref(answer);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", url);

@@ -15,7 +15,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define PLACES 2
+#define PLACES 4
 #define CLIENT_SECRET_MAX 256
 
 static const char of_client[] = "the client of the sign-on"; // the secret
@@ -31,9 +31,14 @@ struct signon {
 static enum result read_secret(const struct signon_settings *settings, char out[CLIENT_SECRET_MAX],
                                struct error *err) {
     out[0] = '\0';
-    return settings->client_secret[0]
-               ? password_file_read(settings->client_secret, of_client, out, CLIENT_SECRET_MAX, err)
-               : RESULT_OK;
+    if (!settings->client_secret[0])
+        return RESULT_OK;
+    enum result result =
+        password_file_read(settings->client_secret, of_client, out, CLIENT_SECRET_MAX, err);
+    if (result == RESULT_OK && (!out[0] || strlen(out) == CLIENT_SECRET_MAX - 1))
+        result = fail(err, RESULT_FORMAT, "%s: the first line must have 1 to %d bytes",
+                      settings->client_secret, CLIENT_SECRET_MAX - 2);
+    return result;
 }
 
 static enum result check_settings(const struct signon_settings *settings, struct error *err) {
@@ -88,6 +93,12 @@ void signon_leave_place(struct signon *s) {
     atomic_fetch_sub(&s->taken, 1);
 }
 
+bool signon_is_word(const char *text) {
+    size_t length = strlen(text);
+    return length > 0 && length < SIGNON_WORD_MAX &&
+           strspn(text, "abcdefghijklmnopqrstuvwxyz_") == length;
+}
+
 // ---- forms --------------------------------------------------------------------------------------
 
 static void put(FILE *form, const char *before, const char *name, const char *value) {
@@ -113,6 +124,7 @@ enum result signon_begin(struct signon *s, const struct signon_secrets *secrets,
     put(url, "&", "client_id", s->settings.client_id);
     put(url, "&", "redirect_uri", redirect);
     put(url, "&", "scope", "openid profile email");
+    put(url, "&", "prompt", "login"); // the one before may not have signed out there
     put(url, "&", "state", secrets->state);
     put(url, "&", "nonce", secrets->nonce);
     put(url, "&", "code_challenge", challenge);

@@ -10,6 +10,7 @@
 
 #define SIGNON_SECRET_MAX 65
 #define SIGNON_URL_MAX 2048
+#define SIGNON_WORD_MAX 41
 
 struct signon;
 
@@ -22,8 +23,8 @@ void signon_destroy(struct signon **signon); // NULL inside is fine
 
 const char *signon_name(const struct signon *signon); // what the button says
 
-// A place to speak with the provider, of two: so one that is slow takes no more threads. False:
-// both are taken. What follows needs one.
+// A place to speak with the provider, of four: so one that is slow takes no more threads. False:
+// all are taken. What follows needs one.
 bool signon_take_place(struct signon *signon);
 void signon_leave_place(struct signon *signon);
 
@@ -43,3 +44,6 @@ enum result signon_begin(struct signon *signon, const struct signon_secrets *sec
 enum result signon_end(struct signon *signon, const struct signon_secrets *secrets,
                        const char *redirect, const char *code, char *out_name, size_t size,
                        struct error *err);
+
+// Whether a log may tell it: a word for an error, as RFC 6749 (4.1.2.1 and 5.2) has them.
+bool signon_is_word(const char *text);

@@ -52,7 +52,8 @@ class Provider(http.server.ThreadingHTTPServer):
 
     def authorize(self, query):
         """Where the browser goes to: as if the person had typed their password here."""
-        wanted = {"tenant": "1", "response_type": "code", "client_id": CLIENT, "code_challenge_method": "S256"}
+        wanted = {"tenant": "1", "response_type": "code", "client_id": CLIENT, "code_challenge_method": "S256",
+                  "prompt": "login"}
         if any(query.get(key) != value for key, value in wanted.items()) or "openid" not in query["scope"].split() or \
                 min(len(query[key]) for key in ("state", "nonce", "code_challenge")) < 43:
             self.wrong.append(query)

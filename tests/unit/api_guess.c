@@ -77,7 +77,7 @@ static void whoever_signed_in_here_before_passes_others_who_guess(void **state) 
     device = known;
     assert_int_equal(sign_in("tom", PASSWORD), 200);
     assert_string_equal(answer.second_cookie, ""); // it has one
-    for (int i = 0; i < 5; i++)             // it cannot guess without an end
+    for (int i = 0; i < 5; i++)                    // it cannot guess without an end
         assert_int_equal(sign_in("tom", "wrong password"), 401);
     assert_int_equal(sign_in("tom", PASSWORD), 429);
     assert_int_equal(sign_in("grace", PASSWORD), 200); // it says nothing about others

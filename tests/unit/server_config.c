@@ -97,11 +97,14 @@ static void what_cannot_be_is_named(void **state) {
         {SIGN_ON "client_id = a\nname = b\n", "[sign_on] needs the key \"issuer\""},
         {SIGN_ON "issuer = https://a\nname = b\n", "[sign_on] needs the key \"client_id\""},
         {SIGN_ON "issuer = https://a\nclient_id = b\n", "[sign_on] needs the key \"name\""},
-        {SIGN_ON "issuer = http://a\nclient_id = b\nname = c\n", "it must begin with https://"},
-        {SERVER RECORDS "[sign_on]\nissuer = https://a\nclient_id = b\nname = c\n",
+        {SIGN_ON "issuer = https://a\nclient_id = b\nname = c\n",
+         "[sign_on] needs the key \"claim\""},
+        {SIGN_ON "issuer = http://a\nclient_id = b\nname = c\nclaim = d\n",
+         "it must begin with https://"},
+        {SERVER RECORDS "[sign_on]\nissuer = https://a\nclient_id = b\nname = c\nclaim = d\n",
          "[sign_on] needs [web]"},
         {SERVER RECORDS "[web]\nport = 4880\naddress = 127.0.0.1\nplain = yes\n"
-                        "[sign_on]\nissuer = https://a\nclient_id = b\nname = c\n",
+                        "[sign_on]\nissuer = https://a\nclient_id = b\nname = c\nclaim = d\n",
          "no plain there"},
         {SERVER RECORDS "[browsers]\nport = 4880\n", "browsers"},
         {SERVER "[sever]\nport = 1\n",
@@ -201,9 +204,9 @@ static void people_sign_on_where_somebody_says_so(void **state) {
     (void)state;
     assert_int_equal(load(SERVER RECORDS), RESULT_OK);
     assert_string_equal(config.sign_on.issuer, "");
-    assert_int_equal(load(SIGN_ON "issuer = https://a/b\nclient_id = c\nname = Sign on\n"),
-                     RESULT_OK);
-    assert_string_equal(config.sign_on.claim, "preferred_username");
+    assert_int_equal(
+        load(SIGN_ON "issuer = https://a/b\nclient_id = c\nname = Sign on\nclaim = email\n"),
+        RESULT_OK);
     assert_string_equal(config.sign_on.client_secret, "");
     assert_int_equal(load(SIGN_ON "issuer = https://a/b\nclient_id = c\nname = Sign on\n"
                                   "client_secret = s\nauthority = a.pem\nclaim = upn\n"),

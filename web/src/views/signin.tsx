@@ -9,7 +9,6 @@ import { text } from "../text";
 
 const PASSWORD_LEAST = 10;
 const CODE_LENGTH = 8;
-const NAME_MOST = 63;
 const PANEL = "sign-in-form";
 const TABS = (["password", "code"] as const).map((kind) => [kind, text.signIn[kind]] as const);
 
@@ -84,17 +83,12 @@ function SignOn({ app }: { app: App }) {
   return name.value ? <a class="button wide" href="/api/v1/sign-on/start">{name.value}</a> : null;
 }
 
-// Why a sign-on failed: the server puts a word, and perhaps a name, into the address.
+// Why a sign-on failed: the server puts a word into the address.
 function SignOnFault({ query }: { query: URLSearchParams }) {
   const why = query.get("sign-on");
-  if (!why) return null;
   const faults = text.signIn.signOn;
-  const name = query.get("name") ?? "";
-  return <p role="alert" class="fault">{why === "unknown" && isName(name) ? faults.unknownName(name) : faults.faults[why] ?? faults.faults.failed}</p>;
+  return why ? <p role="alert" class="fault">{Object.hasOwn(faults, why) ? faults[why] : faults.failed}</p> : null;
 }
-
-// As the server's names of accounts are: an address that somebody made up shows nothing else.
-const isName = (name: string): boolean => /^[^/\p{C}]+$/u.test(name) && name.trim() === name && new TextEncoder().encode(name).length <= NAME_MOST;
 
 function PasswordForm({ app }: { app: App }) {
   return (

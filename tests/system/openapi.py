@@ -43,7 +43,7 @@ class OpenApi(Calls, Refusals, Peers, SystemTest):
     def test_every_operation_and_every_refusal_is_as_described(self):
         self.prepare_files()
         web = f"records = records.db\ntasks = tasks\n[web]\naddress = 127.0.0.1\nport = {self.web_port}\n" \
-            "[sign_on]\nissuer = https://127.0.0.1:1\nclient_id = arthron\nname = Sign on"
+            "[sign_on]\nissuer = https://127.0.0.1:1\nclient_id = arthron\nname = Sign on\nclaim = email"
         self.server = self.start_server(STATIONS, web)
         self.call_all()
         self.refuse_all()

@@ -83,7 +83,8 @@ class SignOn(Asking):
 
     def settings(self, **changes):
         keys = {"issuer": self.provider.issuer, "client_id": CLIENT, "client_secret": "secret",
-                "name": "Sign on with St. Mary's", "claim": "preferred_username", "authority": "provider/authority.pem", **changes}
+                "name": "Sign on with St. Mary's", "claim": "preferred_username",
+                "authority": "provider/authority.pem", **changes}
         lines = "".join(f"{key} = {value}\n" for key, value in keys.items() if value)
         return f"records = records.db\n[web]\naddress = 127.0.0.1\nport = {self.web_port}\n[sign_on]\n{lines}"
 

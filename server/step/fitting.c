@@ -11,7 +11,6 @@
 #define PROBES_MAX 32 // points of new surface whose distance to S'' is measured
 
 struct fitting {
-    const struct match_surface *surface;
     int rules;
     struct conform *conform;
     vec3 *start;         // S'
@@ -23,7 +22,6 @@ struct fitting {
 struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh,
                                int rules) {
     struct fitting *f = alloc(1, sizeof *f);
-    f->surface = surface;
     f->rules = rules;
     f->conform = conform_create(surface);
     f->start = alloc(mesh->vertex_count, sizeof *f->start);

@@ -137,18 +137,18 @@ static json_t *read_attempts(struct api_call *call, struct attempt_filter filter
 
 // ---- lists --------------------------------------------------------------------------------------
 
-enum { COURSE, TASK, WHOSE, SESSION, FROM, TO, PURPOSE, BEFORE, LIMIT };
+enum { BY_COURSE, BY_TASK, BY_TRAINEE, BY_SESSION, SINCE, UNTIL, BY_PURPOSE, PAGE_BEFORE, PAGE_LIMIT };
 
 // "SESSION.NUMBER", as `next` gives it. False after a refusal.
 static bool take_before(struct api_call *call, const struct call_query *query,
                         struct attempt_filter *filter, char session[STORE_ID_MAX]) {
-    const char *text = call_parameter(query, BEFORE);
+    const char *text = call_parameter(query, PAGE_BEFORE);
     int64_t number;
     if (!text)
         return true;
     if (strlen(text) > STORE_ID_MAX && text[STORE_ID_MAX - 1] == '.' &&
         number_int(text + STORE_ID_MAX, 1, INT32_MAX, &number)) {
-        snprintf(session, STORE_ID_MAX, "%s", text);
+        snprintf(session, STORE_ID_MAX, "%.*s", STORE_ID_MAX - 1, text);
         filter->before_session = session;
         filter->before_number = (int)number;
         return true;
@@ -161,8 +161,8 @@ static bool take_before(struct api_call *call, const struct call_query *query,
 static bool take_attempt_times(struct api_call *call, const struct call_query *query,
                                struct attempt_filter *filter) {
     double from_s = 0, to_s = 0;
-    if (!value_parameter(call, query, FROM, 0, UTC_MAX_S, &from_s) ||
-        !value_parameter(call, query, TO, 0, UTC_MAX_S, &to_s))
+    if (!value_parameter(call, query, SINCE, 0, UTC_MAX_S, &from_s) ||
+        !value_parameter(call, query, UNTIL, 0, UTC_MAX_S, &to_s))
         return false;
     filter->from_utc_ns = (int64_t)(from_s * 1000) * NS_PER_MS;
     filter->to_utc_ns = (int64_t)(to_s * 1000) * NS_PER_MS;
@@ -193,13 +193,13 @@ void get_attempts(struct api_call *call) {
                                          "purpose", "before", "limit"}};
     char before[STORE_ID_MAX];
     int limit;
-    if (!call_take_query(call, &query) || !call_take_limit(call, &query, LIMIT, 500, 50, &limit))
+    if (!call_take_query(call, &query) || !call_take_limit(call, &query, PAGE_LIMIT, 500, 50, &limit))
         return;
-    struct attempt_filter filter = {.course = call_parameter(&query, COURSE),
-                                    .task = call_parameter(&query, TASK),
-                                    .trainee = call_parameter(&query, WHOSE),
-                                    .session = call_parameter(&query, SESSION),
-                                    .purpose = call_parameter(&query, PURPOSE),
+    struct attempt_filter filter = {.course = call_parameter(&query, BY_COURSE),
+                                    .task = call_parameter(&query, BY_TASK),
+                                    .trainee = call_parameter(&query, BY_TRAINEE),
+                                    .session = call_parameter(&query, BY_SESSION),
+                                    .purpose = call_parameter(&query, BY_PURPOSE),
                                     .limit = limit + 1};
     if (!take_before(call, &query, &filter, before) || !take_attempt_times(call, &query, &filter))
         return;

@@ -46,7 +46,7 @@ enum result sign_in_set_cookie(struct api_call *call) {
     return RESULT_OK;
 }
 
-static enum result enter(struct api_call *call, int status) {
+static enum result let_in(struct api_call *call, int status) {
     enum result result = sign_in_set_cookie(call);
     if (result != RESULT_OK)
         return result;
@@ -105,7 +105,7 @@ static void sign_in_by_password(struct api_call *call) {
     }
     enum result result = RESULT_MISSING;
     if (password_fits(call, there, password))
-        result = enter(call, 200);
+        result = let_in(call, 200);
     if (result != RESULT_MISSING)
         tries_was_right(call, &tries);
     else
@@ -128,7 +128,7 @@ static void sign_in_by_code(struct api_call *call, const char *typed) {
     if (result == RESULT_OK && !tries_may_enter(call, call->principal.actor))
         return;
     if (result == RESULT_OK)
-        result = enter(call, 200);
+        result = let_in(call, 200);
     if (result == RESULT_MISSING) {
         tries_note_wrong(call, "wrong code", "code");
         call_refuse(call, 401, "wrong_code", "code", "The code is wrong or has ended.");
@@ -200,7 +200,7 @@ void post_first(struct api_call *call) {
     if (made)
         call->api->first_secret[0] = '\0';
     pthread_mutex_unlock(&call->api->first_lock);
-    if (made && enter(call, 201) == RESULT_MISSING)
+    if (made && let_in(call, 201) == RESULT_MISSING)
         call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
 }
 

@@ -60,7 +60,7 @@ static bool is_recent(const char *head, int64_t now_utc_ns) {
 }
 
 // Whether the query is of this browser's own sign-on, for the first time.
-static bool is_own(const struct api_call *call, struct sign_on *s) {
+static bool began_here(const struct api_call *call, struct sign_on *s) {
     char state[SIGNON_SECRET_MAX];
     int wait_s;
     const char *head = call->request->sign_on;
@@ -109,7 +109,7 @@ static void send_away(struct sign_on *s, enum result result, const struct error 
 }
 
 // The fault is on the browser's side. The try stays counted.
-static void refuse(struct api_call *call, struct sign_on *s, const char *why, const char *subject,
+static void refuse_sign_on(struct api_call *call, struct sign_on *s, const char *why, const char *subject,
                    const char *text) {
     tell(s, text);
     if (call->store || call_open_store(call))
@@ -119,7 +119,7 @@ static void refuse(struct api_call *call, struct sign_on *s, const char *why, co
 
 // ---- away ---------------------------------------------------------------------------------------
 
-static struct sign_on *make(const struct api_call *call) {
+static struct sign_on *begin_sign_on(const struct api_call *call) {
     struct sign_on *s = alloc(1, sizeof *s);
     s->api = call->api;
     snprintf(s->address, sizeof s->address, "%s", call->request->address);
@@ -141,7 +141,7 @@ void get_sign_on(struct api_call *call) {
         json_pack("{s:o}", "name", signon ? call_string(signon_name(signon)) : json_null()));
 }
 
-static void leave(struct sign_on *s, struct web_response *out) {
+static void leave_to_provider(struct sign_on *s, struct web_response *out) {
     char url[SIGNON_URL_MAX];
     struct error err;
     if (!signon_take_place(s->api->signon)) {
@@ -160,14 +160,14 @@ static void leave(struct sign_on *s, struct web_response *out) {
 
 static void leave_later(void *data, struct web_response *out) {
     if (out)
-        leave(data, out);
+        leave_to_provider(data, out);
     free(data);
 }
 
 void get_sign_on_start(struct api_call *call) {
     if (!has_provider(call))
         return;
-    struct sign_on *s = make(call);
+    struct sign_on *s = begin_sign_on(call);
     make_head(clock_utc_ns(), s->head);
     make_secrets(&s->api->key, s->head, &s->secrets);
     call->response->later = leave_later;
@@ -200,12 +200,12 @@ static enum result enter_as(struct api_call *call, const char *name) {
 
 static void come_in(struct api_call *call, struct sign_on *s, const char *name) {
     if (!call_is_name(name)) {
-        refuse(call, s, "refused", "a name", "the provider's name is no name of an account");
+        refuse_sign_on(call, s, "refused", "a name", "the provider's name is no name of an account");
         return;
     }
     enum result result = call_open_store(call) ? enter_as(call, name) : RESULT_IO;
     if (result == RESULT_MISSING) {
-        refuse(call, s, "unknown", "no account",
+        refuse_sign_on(call, s, "unknown", "no account",
                "the provider names somebody who has no account here");
         return;
     }
@@ -233,7 +233,7 @@ static void come_back(struct sign_on *s, struct web_response *out) {
     if (result == RESULT_OK) {
         come_in(&call, s, name);
     } else if (result == RESULT_REFUSED) {
-        refuse(&call, s, "refused", "a code", err.text);
+        refuse_sign_on(&call, s, "refused", "a code", err.text);
     } else {
         tries_was_right(&call, &s->tries);
         send_away(s, result, &err, out);
@@ -254,7 +254,7 @@ static void refuse_error(struct api_call *call, struct sign_on *s) {
     bool is_told = call_find_parameter(call, "error", word, sizeof word) && signon_is_word(word);
     snprintf(text, sizeof text, "the provider gives no code: %s", is_told ? word : "no reason");
     if (!is_told || strcmp(word, "access_denied") != 0) {
-        refuse(call, s, "refused", "no code", text);
+        refuse_sign_on(call, s, "refused", "no code", text);
         return;
     }
     tries_was_right(call, &s->tries);
@@ -264,7 +264,7 @@ static void refuse_error(struct api_call *call, struct sign_on *s) {
 // False: the browser has its answer. What it brings counts as a try only where it has left from
 // here: else any page could use up the tries of its address.
 static bool may_ask(struct api_call *call, struct sign_on *s) {
-    if (!is_own(call, s)) {
+    if (!began_here(call, s)) {
         tell(s, "the browser brings no cookie that fits, or one that has served");
         send_back(call->response, "again");
         return false;
@@ -282,7 +282,7 @@ static bool may_ask(struct api_call *call, struct sign_on *s) {
 void get_sign_on_back(struct api_call *call) {
     if (!has_provider(call))
         return;
-    struct sign_on *s = make(call);
+    struct sign_on *s = begin_sign_on(call);
     if (may_ask(call, s)) {
         call->response->later = come_back_later;
         call->response->later_data = s;

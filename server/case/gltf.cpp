@@ -4,7 +4,18 @@
 #include <set>
 #include <tiny_gltf.h>
 
+struct gltf {
+    struct loaded_node {
+        gltf_node view;
+        std::vector<float> positions, warp, maxcut, other_share, covered, wear;
+        std::vector<uint32_t> triangles;
+    };
+    std::vector<loaded_node> nodes;
+};
+
 namespace {
+
+using loaded_node = gltf::loaded_node;
 
 float to_mm(float metres) {
     return (float)((double)metres * gltf_mm_per_m);
@@ -24,12 +35,6 @@ std::vector<float> read_vectors(const gltf_elements &from) {
     }
     return values;
 }
-
-struct loaded_node {
-    gltf_node view;
-    std::vector<float> positions, warp, maxcut, other_share, covered, wear;
-    std::vector<uint32_t> triangles;
-};
 
 void read_target(const tinygltf::Model &model, const std::map<std::string, int> &target,
                  const std::string &name, loaded_node &node) {
@@ -166,10 +171,6 @@ const std::vector<size_t> nodes_with_mesh(const tinygltf::Model &model, uint32_t
 }
 
 } // namespace
-
-struct gltf {
-    std::vector<loaded_node> nodes;
-};
 
 static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits, gltf &out) {
     tinygltf::Model model;

@@ -43,11 +43,8 @@ static void add_column(struct table *table, enum column_source source,
 // The name of the group behind an index: of "job_tissue" it is "job_group".
 static void add_group(struct table *table, const struct step_field *field) {
     char name[64];
-    size_t stem = strlen(field->name) - strlen("_tissue");
-    if (field->type == &field_tissue)
-        snprintf(name, sizeof name, "%.*s_group", (int)stem, field->name);
-    else
-        snprintf(name, sizeof name, "%s_group", field->name);
+    size_t stem = strlen(field->name) - (field->type == &field_tissue ? strlen("_tissue") : 0);
+    snprintf(name, sizeof name, "%.*s_group", (int)stem, field->name);
     add_column(table, OF_GROUP, field, name, true);
 }
 

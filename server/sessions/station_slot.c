@@ -115,7 +115,7 @@ void station_slot_failed(struct station_slot *slot, int64_t retry_ns) {
 
 void station_slot_refused(struct station_slot *slot, const char *why) {
     struct station_status *s = begin(slot);
-    snprintf(s->refused, sizeof s->refused, "%s", why);
+    snprintf(s->refused, sizeof s->refused, "%.*s", (int)sizeof s->refused - 1, why);
     s->refused_ns = clock_now_ns();
     end(slot);
 }

@@ -377,7 +377,7 @@ int command_info(int argc, char **argv) {
             return usage_error(argv[0], "unknown option");
         json = true;
     }
-    const char *file;
+    const char *file = NULL;
     if (take_file(argc, argv, &file) != EXIT_GOOD)
         return EXIT_USAGE;
     struct trace_reader *reader;

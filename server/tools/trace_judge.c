@@ -156,7 +156,7 @@ int command_judge(int argc, char **argv) {
                                             {"json", no_argument, NULL, 'j'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    const char *file, *task = NULL, *case_dir = NULL;
+    const char *file = NULL, *task = NULL, *case_dir = NULL;
     bool json = false;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')

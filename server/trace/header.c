@@ -176,6 +176,8 @@ size_t header_encode(const struct trace_header *h, struct chain *chain, uint8_t 
 enum result header_decode_prefix(const uint8_t *prefix, unsigned *out_version, size_t *out_rest,
                                  struct error *err) {
     struct reader r = {prefix, HEADER_PREFIX, 0, false};
+    *out_version = 0;
+    *out_rest = 0;
     if (memcmp(read_bytes(&r, 8), HEADER_MAGIC, 8) != 0)
         return fail(err, RESULT_FORMAT, "it does not begin as a trace does");
     *out_version = read_u16(&r);

@@ -294,6 +294,7 @@ enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t
     struct reader r = {prefix, RECORD_PREFIX, 0, false};
     uint32_t size = read_u32(&r);
     unsigned type = read_u8(&r);
+    *out_rest = 0;
     if (size > RECORD_PAYLOAD_MAX)
         return fail(err, RESULT_FORMAT, "a record claims %u bytes, more than %d", size,
                     RECORD_PAYLOAD_MAX);

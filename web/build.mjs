@@ -1,8 +1,8 @@
-// Makes the pages: node build.mjs OUT_DIR. Types are checked; what is written is
+// Makes the pages: node build.mjs OUT_DIR writes
 //   OUT_DIR/pages/   index.html, and scripts and styles whose names hold a hash of their content
 //   OUT_DIR/pages.c  the same, gzipped, as the table of server/web/pages.h
 //   OUT_DIR/sizes.json  bytes of each, as they are and gzipped
-// node build.mjs --tests OUT_DIR bundles test/*.test.ts for node --test.
+// node build.mjs --tests OUT_DIR checks the types of all, and bundles test/*.test.ts for node --test.
 import { execFileSync } from "node:child_process";
 import { createHash } from "node:crypto";
 import { existsSync, mkdirSync, readdirSync, readFileSync, rmSync, symlinkSync, writeFileSync } from "node:fs";
@@ -194,9 +194,9 @@ rmSync(join(out, "node_modules"), { force: true });
 symlinkSync(join(web, "node_modules"), join(out, "node_modules")); // for what is generated there
 generate(join(out, "wire"));
 if (tests) {
+  check(out, "src", []);
   check(out, "test", ["node"]);
   await bundleTests(out);
 } else {
-  check(out, "src", []);
   table(out, await bundlePages(out));
 }

@@ -15,16 +15,20 @@ static atomic_int figures_sent, meshes_sent;
 
 // ---- in place of the control connection ---------------------------------------------------------
 
-bool control_send(struct control *control, struct control_peer peer,
-                  const arthron_Control *message) {
+bool __wrap_control_send(struct control *control, struct control_peer peer,
+                         const arthron_Control *message);
+bool __wrap_control_send(struct control *control, struct control_peer peer,
+                         const arthron_Control *message) {
     (void)control, (void)peer;
     if (message->which_message == arthron_Control_resection_tag)
         atomic_fetch_add(&figures_sent, 1);
     return true;
 }
 
-bool control_send_mesh(struct control *control, struct control_peer peer,
-                       struct mesh_payload *payload) {
+bool __wrap_control_send_mesh(struct control *control, struct control_peer peer,
+                              struct mesh_payload *payload);
+bool __wrap_control_send_mesh(struct control *control, struct control_peer peer,
+                              struct mesh_payload *payload) {
     (void)control, (void)peer, (void)payload;
     atomic_fetch_add(&meshes_sent, 1);
     return true;

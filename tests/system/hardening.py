@@ -45,8 +45,8 @@ class Hardening(unittest.TestCase):
 
     def test_every_file_of_theirs_was_compiled_so(self):
         with open(os.path.join(os.path.dirname(BIN), "compile_commands.json")) as f:
-            commands = [c["command"] for c in json.load(f) if re.search(r"/(server|station|shared)/", c["file"])]
-        self.assertGreater(len(commands), 400)
+            commands = [c["command"] for c in json.load(f) if re.search(r"/(server|station|shared|Unity)/", c["file"])]
+        self.assertGreater(len(commands), 300)
         wanted = ["-fPIE", "-fstack-protector-strong", "-fstack-clash-protection", "-D_FORTIFY_SOURCE=2"]
         if os.uname().machine == "x86_64":
             wanted.append("-fcf-protection")

@@ -1,10 +1,9 @@
 #include "peers/ask.h"
 
 #include "base/check.h"
+#include "https/https.h"
 
 #include <ctype.h>
-#include <curl/curl.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -67,12 +66,6 @@ static size_t take_body(char *bytes, size_t size, size_t count, void *user) {
     return t->file_failed ? 0 : all;
 }
 
-static int look_for_end(void *user, curl_off_t a, curl_off_t b, curl_off_t c, curl_off_t d) {
-    (void)a, (void)b, (void)c, (void)d;
-    const struct transfer *t = user;
-    return atomic_load(&t->peers->breaks_off);
-}
-
 static void add_header(struct curl_slist **headers, const char *name, const char *value) {
     char line[HEADER_MAX];
     if (!value)
@@ -96,16 +89,6 @@ static struct curl_slist *make_headers(const struct peer_request *r) {
     return headers;
 }
 
-// The authorities of the system are a folder (CAPATH), which libcurl knows.
-static void set_trust(CURL *c, const struct peers *peers) {
-    curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "https");
-    curl_easy_setopt(c, CURLOPT_SSLVERSION, (long)CURL_SSLVERSION_TLSv1_2);
-    curl_easy_setopt(c, CURLOPT_SSL_VERIFYPEER, 1L);
-    curl_easy_setopt(c, CURLOPT_SSL_VERIFYHOST, 2L);
-    curl_easy_setopt(c, CURLOPT_CAINFO, peers->authority);
-    curl_easy_setopt(c, CURLOPT_NOPROXY, "*");
-}
-
 static void set_limits(CURL *c, struct transfer *t) {
     const struct peer_request *r = t->request;
     curl_easy_setopt(c, CURLOPT_CONNECTTIMEOUT_MS, (long)CONNECT_MS);
@@ -113,11 +96,6 @@ static void set_limits(CURL *c, struct transfer *t) {
     curl_easy_setopt(c, CURLOPT_LOW_SPEED_TIME, (long)r->silence_s);
     curl_easy_setopt(c, CURLOPT_TIMEOUT_MS, 1000L * r->patience_s);
     curl_easy_setopt(c, CURLOPT_MAXFILESIZE_LARGE, (curl_off_t)r->most);
-    curl_easy_setopt(c, CURLOPT_NOPROGRESS, 0L);
-    curl_easy_setopt(c, CURLOPT_XFERINFOFUNCTION, look_for_end);
-    curl_easy_setopt(c, CURLOPT_XFERINFODATA, t);
-    curl_easy_setopt(c, CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(c, CURLOPT_QUICK_EXIT, 1L); // a name server that hangs holds up no end
 }
 
 static void set_request(CURL *c, const char *url, struct transfer *t) {
@@ -208,11 +186,10 @@ enum result peer_ask(struct peers *peers, const struct peer_request *r, FILE *bo
                           r->query[0] ? "?" : "", r->query);
     if (length >= (int)sizeof url || !r->pages[0] || strpbrk(r->pages, "/@?# "))
         return fail(err, RESULT_INVALID, "%s: not the address of a server's pages", r->pages);
-    CURL *c = curl_easy_init();
-    NEED(c, "memory");
+    CURL *c = https_create(peers->authority, HTTPS_AUTHORITY_AND_SYSTEM, &peers->breaks_off);
     struct curl_slist *headers = make_headers(r);
     curl_easy_setopt(c, CURLOPT_HTTPHEADER, headers);
-    set_trust(c, peers);
+    curl_easy_setopt(c, CURLOPT_NOPROXY, "*");
     set_limits(c, &transfer);
     set_request(c, url, &transfer);
     enum result result = perform(c, &transfer, err);

@@ -2,11 +2,10 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "https/https.h"
 #include "signon/signon.h"
 
-#include <curl/curl.h>
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -47,7 +46,6 @@ void provider_destroy(struct provider **provider) {
 // ---- one request --------------------------------------------------------------------------------
 
 struct transfer {
-    struct provider *provider;
     const char *url, *form, *user, *password; // all but url may be NULL
     size_t size;
     char answer[ANSWER_MAX];
@@ -63,34 +61,9 @@ static size_t take_answer(char *bytes, size_t size, size_t count, void *user) {
     return count;
 }
 
-static int look_for_end(void *user, curl_off_t a, curl_off_t b, curl_off_t c, curl_off_t d) {
-    (void)a, (void)b, (void)c, (void)d;
-    return atomic_load(&((struct transfer *)user)->provider->breaks_off);
-}
-
-static void set_trust(CURL *c, const struct signon_settings *settings) {
-    curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "https");
-    curl_easy_setopt(c, CURLOPT_SSLVERSION, (long)CURL_SSLVERSION_TLSv1_2);
-    curl_easy_setopt(c, CURLOPT_SSL_VERIFYPEER, 1L);
-    curl_easy_setopt(c, CURLOPT_SSL_VERIFYHOST, 2L);
-    if (!settings->authority[0])
-        return;
-    curl_easy_setopt(c, CURLOPT_CAINFO, settings->authority);
-    curl_easy_setopt(c, CURLOPT_CAPATH, NULL); // the system's authorities are a folder
-}
-
-static void set_limits(CURL *c, struct transfer *t) {
-    curl_easy_setopt(c, CURLOPT_FOLLOWLOCATION, 0L);
+static void set_request(CURL *c, struct transfer *t) {
     curl_easy_setopt(c, CURLOPT_CONNECTTIMEOUT_MS, (long)CONNECT_MS);
     curl_easy_setopt(c, CURLOPT_TIMEOUT_MS, (long)PATIENCE_MS);
-    curl_easy_setopt(c, CURLOPT_NOPROGRESS, 0L);
-    curl_easy_setopt(c, CURLOPT_XFERINFOFUNCTION, look_for_end);
-    curl_easy_setopt(c, CURLOPT_XFERINFODATA, t);
-    curl_easy_setopt(c, CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(c, CURLOPT_QUICK_EXIT, 1L); // a name server that hangs holds up no end
-}
-
-static void set_request(CURL *c, struct transfer *t) {
     curl_easy_setopt(c, CURLOPT_URL, t->url);
     curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, take_answer);
     curl_easy_setopt(c, CURLOPT_WRITEDATA, t);
@@ -156,15 +129,11 @@ static enum result perform(CURL *c, struct transfer *t, json_t **out, struct err
 static enum result ask(struct provider *p, const char *url, const char *form, const char *user,
                        const char *password, json_t **out, struct error *err) {
     struct transfer *t = alloc(1, sizeof *t);
-    t->provider = p;
     t->url = url;
     t->form = form;
     t->user = user;
     t->password = password;
-    CURL *c = curl_easy_init();
-    NEED(c, "memory");
-    set_trust(c, p->settings);
-    set_limits(c, t);
+    CURL *c = https_create(p->settings->authority, HTTPS_AUTHORITY, &p->breaks_off);
     set_request(c, t);
     enum result result = perform(c, t, out, err);
     curl_easy_cleanup(c);

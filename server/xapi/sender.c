@@ -4,14 +4,13 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/password_file.h"
+#include "https/https.h"
 #include "xapi/words.h"
 
-#include <curl/curl.h>
 #include <errno.h>
 #include <pthread.h>
 #include <sched.h>
 #include <signal.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -53,11 +52,6 @@ static size_t take_reply(char *bytes, size_t size, size_t count, void *user) {
     return s->reply_bytes > REPLY_BYTES_MAX ? 0 : count;
 }
 
-static int look_for_end(void *user, curl_off_t a, curl_off_t b, curl_off_t c, curl_off_t d) {
-    (void)a, (void)b, (void)c, (void)d;
-    return atomic_load(&((struct sender *)user)->breaks_off);
-}
-
 // Lines first to last of the batch as a JSON array; an empty line is none.
 static void write_body(struct sender *s, int first, int last) {
     char *at = s->body;
@@ -72,23 +66,12 @@ static void write_body(struct sender *s, int first, int last) {
 static void prepare(struct sender *s) {
     CURL *c = s->curl;
     curl_easy_setopt(c, CURLOPT_URL, s->url);
-    curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "https");
-    curl_easy_setopt(c, CURLOPT_SSLVERSION, (long)CURL_SSLVERSION_TLSv1_2);
-    curl_easy_setopt(c, CURLOPT_SSL_VERIFYPEER, 1L);
-    curl_easy_setopt(c, CURLOPT_SSL_VERIFYHOST, 2L);
-    if (s->authority[0])
-        curl_easy_setopt(c, CURLOPT_CAINFO, s->authority);
     curl_easy_setopt(c, CURLOPT_HTTPAUTH, (long)CURLAUTH_BASIC);
     curl_easy_setopt(c, CURLOPT_USERNAME, s->user);
     curl_easy_setopt(c, CURLOPT_HTTPHEADER, s->headers);
     curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, take_reply);
     curl_easy_setopt(c, CURLOPT_WRITEDATA, s);
-    curl_easy_setopt(c, CURLOPT_NOPROGRESS, 0L);
-    curl_easy_setopt(c, CURLOPT_XFERINFOFUNCTION, look_for_end);
-    curl_easy_setopt(c, CURLOPT_XFERINFODATA, s);
     curl_easy_setopt(c, CURLOPT_TIMEOUT_MS, (long)s->patience_ms);
-    curl_easy_setopt(c, CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(c, CURLOPT_QUICK_EXIT, 1L); // a name server that hangs holds up no end
 }
 
 static enum outcome outcome_of(long status) {
@@ -285,8 +268,7 @@ enum result sender_start(const struct sender_config *config, struct outbox *outb
     s->body = alloc(OUTBOX_BATCH_BYTES + OUTBOX_BATCH + 3, 1);
     s->headers = make_headers();
     curl_global_init(CURL_GLOBAL_DEFAULT);
-    s->curl = curl_easy_init();
-    NEED(s->curl, "memory");
+    s->curl = https_create(s->authority, HTTPS_AUTHORITY, &s->breaks_off);
     prepare(s);
     start_thread(s);
     *out = s;

@@ -65,8 +65,8 @@ export class Browser {
   }
 
   /** A browser of its own, signed in as whoever made `state`. */
-  async context(state, size = USUAL) {
-    const context = await this.#shared.chromium.newContext({ ignoreHTTPSErrors: true, viewport: size, storageState: state, reducedMotion: "reduce" });
+  async context(state, options = {}) {
+    const context = await this.#shared.chromium.newContext({ ignoreHTTPSErrors: true, viewport: USUAL, storageState: state, reducedMotion: "reduce", ...options });
     context.setDefaultTimeout(PATIENCE_MS);
     this.#contexts.set(context, state !== undefined);
     return context;
@@ -99,8 +99,8 @@ export class Browser {
     for (const page of this.#pages.keys()) if (!page.isClosed()) await this.picture(page, `failed-${++count}`).catch(() => {});
   }
 
-  /** `may`: what the page may complain of; `script`: what runs in it before all else. */
-  async page(context, hash, may = [], script = undefined) {
+  /** `address`: whole, or of the server's pages. `may`: what the page may complain of; `script`: what runs in it before all else. */
+  async page(context, address, may = [], script = undefined) {
     const page = await context.newPage();
     if (script) await page.addInitScript(script);
     const heard = { may, kinds: {}, messages: 0, bytes: 0, acks: {}, views: [] };
@@ -108,7 +108,7 @@ export class Browser {
     page.on("console", (message) => message.type() === "error" && this.#complained(heard, `${message.text()} (${message.location().url})`));
     page.on("pageerror", (error) => this.#complained(heard, error.stack ?? String(error)));
     page.on("websocket", (socket) => this.#listen(socket, heard));
-    await page.goto(`${this.url}/${hash}`);
+    await page.goto(new URL(address, `${this.url}/`).href);
     return page;
   }
 

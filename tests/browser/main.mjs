@@ -35,7 +35,7 @@ const LONG = ["load"]; // what many stations and pages cost: not with --quick
 
 const { values: options } = parseArgs({ options: {
   json: { type: "boolean", default: false }, quick: { type: "boolean", default: false },
-  only: { type: "string", default: "" }, minutes: { type: "string", default: "1" },
+  only: { type: "string", default: "" }, minutes: { type: "string", default: "1" }, "keep-pictures": { type: "boolean", default: false },
 } });
 const minutes = (seconds) => `${Math.floor(seconds / 60)} min ${String(Math.floor(seconds % 60)).padStart(2, "0")} s`;
 const say = (words) => console.error(`browser: ${words}`);
@@ -89,7 +89,7 @@ async function main() {
   let browser, runner;
   try {
     browser = await Browser.open(testbed.url, out);
-    const world = { testbed, browser, report, quick: options.quick, minutes: Number(options.minutes), users: {} };
+    const world = { testbed, browser, report, quick: options.quick, keepPictures: options["keep-pictures"], minutes: Number(options.minutes), users: {} };
     runner = new Runner(report, (test) => attempt(test, world));
     await runner.run(chosen);
     report.strictMark("console_errors", browser.errors.length, "errors", 0);

@@ -8,6 +8,7 @@ import { BITES, motion, palpation, rest, scopeAt, stand, stroke, write } from ".
 export const STATION_COUNT = 32;
 export const SIMULATED_HZ = 25; // frames of a simulated station
 const CASES = ["tear-radial", "arthrosis", "healthy"];
+const CLIENT = { id: "arthron of st. mary's", secret: "p@ss:word/+%" }; // of tests/system/provider.py
 const FAR = "127.0.0.2"; // where a station calls the server through the relay
 const ROUND_TRIP_MS = 50; // through it
 const LEAST_S = 4; // of a session that is recorded
@@ -53,6 +54,7 @@ export class Testbed {
     testbed.folder = mkdtempSync(join(tmpdir(), "arthron-browser-"));
     await Promise.all([testbed.#makeCases(), testbed.#makeKeys()]);
     await testbed.#makeMotions();
+    testbed.#startProvider();
     await testbed.startServer();
     testbed.enrolled = testbed.enrolAll();
     testbed.enrolled.catch(() => {}); // who waits for it gets the error
@@ -87,7 +89,7 @@ export class Testbed {
 
   async #makeKeys() {
     await call("arthron-server", "keys", "init", this.path("keys"), "localhost", "127.0.0.1", FAR);
-    [this.port, this.udpPort, this.webPort] = await Promise.all([freePort(), freePort(FAR), freePort()]);
+    [this.port, this.udpPort, this.webPort, this.providerPort] = await Promise.all([freePort(), freePort(FAR), freePort(), freePort()]);
   }
 
   async #makeMotions() {
@@ -119,7 +121,20 @@ socket = s
 records = records.db
 [web]
 port = ${this.webPort}
+[sign_on]
+issuer = https://127.0.0.1:${this.providerPort}/realms/ward
+client_id = ${CLIENT.id}
+client_secret = client-secret
+name = Sign in with the hospital
+claim = preferred_username
+authority = keys/authority.pem
 ${cases.join("")}${equipped.join("")}${simulated.join("")}`);
+  }
+
+  // Whoever comes to it is grace (tests/system/provider.py). It has the server's certificate.
+  #startProvider() {
+    writeFileSync(this.path("client-secret"), `${CLIENT.secret}\n`);
+    this.#start("provider", "/usr/bin/python3", "-B", join(this.source, "tests/system/provider.py"), this.path("keys"), String(this.providerPort));
   }
 
   async startServer() {

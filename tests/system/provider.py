@@ -5,7 +5,9 @@ import hashlib
 import http.server
 import json
 import os
+import signal
 import ssl
+import sys
 import threading
 import time
 import urllib.parse
@@ -121,3 +123,8 @@ class Answer(http.server.BaseHTTPRequestHandler):
         if self.path != "/realms/ward/token":
             return self.say(404, {})
         self.say(*self.server.token(self.headers["Authorization"], form))
+
+
+if __name__ == "__main__":  # FOLDER PORT: until it is ended
+    Provider(sys.argv[1], int(sys.argv[2]))
+    signal.pause()

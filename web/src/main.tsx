@@ -52,7 +52,7 @@ const home = (account: Account): string => (account.role === "trainee" ? "#/toda
 
 const api = new Api();
 const feed = new Feed(browserEnvironment(stillSignedIn));
-let wanted = ""; // where to go after signing in
+const kept = sessionStorage; // wanted: where to go after signing in, also at a provider's page
 let leave: () => void = () => {};
 let turn = 0; // of what is shown: a view that loads slower than a person clicks is not shown
 
@@ -64,8 +64,8 @@ const app: App = {
     localStorage.setItem(SIGNED_IN, "1");
     app.account = account;
     setTechnician(account.role === "technician");
-    const to = PAGES[parseRoute(location.hash).name]?.open ? location.hash : wanted || home(account);
-    wanted = "";
+    const to = PAGES[parseRoute(location.hash).name]?.open ? location.hash : kept.wanted || home(account);
+    kept.wanted = "";
     if (location.hash === to) void show();
     else location.hash = to;
   },
@@ -108,7 +108,7 @@ function expired(): void {
 function signedOut(then: string): void {
   localStorage.removeItem(SIGNED_IN);
   app.account = undefined;
-  wanted = PAGES[parseRoute(then).name]?.open ? "" : then;
+  kept.wanted = PAGES[parseRoute(then).name]?.open ? "" : then;
   feed.unwatch();
   const { name } = parseRoute(location.hash);
   if (name === "sign-in" || PAGES[name]?.open) void show();
@@ -119,7 +119,7 @@ function signedOut(then: string): void {
 function detour(route: Route, page: Page | undefined): string | undefined {
   if (!app.account) {
     if (page && !page.roles) return undefined;
-    wanted = route.name ? location.hash : "";
+    kept.wanted = route.name ? location.hash : "";
     return "#/sign-in";
   }
   const moved = MOVED[[route.name, ...route.args].join("/")];

@@ -67,7 +67,7 @@ async function thirty_two_stations_and_eight_browsers_leave_the_server_its_time(
 
 async function thirty_two_stations_are_on_one_wall({ testbed, browser, users, report }) {
   await testbed.runAll();
-  const page = await browser.page(await browser.context(users.instructor, SIZES.wide), "#/wall", [], frames);
+  const page = await browser.page(await browser.context(users.instructor, { viewport: SIZES.wide }), "#/wall", [], frames);
   await page.locator("article.card[data-status=running]").nth(31).waitFor();
   await page.evaluate(() => (window.frames_ms = []));
   await page.waitForFunction((least) => window.frames_ms.length >= least, FRAMES);

@@ -81,7 +81,7 @@ async function pages_that_stay_do_not_grow_without_end(world) {
   await testbed.recorded(); // which ends a session: a test beside this one may ask for it
   const open = async (station) => {
     await testbed.runStation(station);
-    const page = await browser.page(await browser.context(users.instructor, SIZE), `#/station/${station}`);
+    const page = await browser.page(await browser.context(users.instructor, { viewport: SIZE }), `#/station/${station}`);
     await page.locator("canvas.scene-canvas").waitFor();
     return { station, page };
   };

@@ -22,7 +22,7 @@ const instrument = (seen, channel) => seen.instruments.find((of) => of.channel =
 
 async function open({ testbed, browser, users }, name, script = undefined) {
   const { port, token } = testbed.viewOf(name);
-  const context = await browser.context(users.instructor, { width: SIDE, height: SIDE });
+  const context = await browser.context(users.instructor, { viewport: { width: SIDE, height: SIDE } });
   const page = await browser.page(context, `#/scope/${name}?port=${port}&token=${token}`, [/ws:\/\/127.0.0.1/], script);
   await page.locator("canvas[data-drawn]").waitFor();
   return page;

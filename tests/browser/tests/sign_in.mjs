@@ -1,5 +1,6 @@
 // Who comes in: the first instructor, a wrong password, a trainee with a code.
 import assert from "node:assert/strict";
+import { Demo } from "../demo.mjs";
 
 export const PASSWORD = "correct horse battery";
 const REFUSED = [/status of 40[13]/, /429/];
@@ -95,7 +96,14 @@ async function links_of_before_still_lead_to_the_right_view({ browser, users }) 
   }
 }
 
-for (const test of [the_first_instructor_makes_an_account_through_the_link, a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own]) test.always = true;
+async function a_sign_on_at_the_provider_leads_where_one_wanted_to({ browser }) {
+  const page = await browser.page(await browser.context(), "#/admin/audit", REFUSED);
+  await page.getByRole("link", { name: "Sign in with the hospital" }).click();
+  await page.getByRole("cell", { name: "Signed in at the provider" }).first().waitFor();
+  assert.match(page.url(), /#\/admin\/audit$/);
+  await page.getByRole("button", { name: /grace/ }).waitFor();
+}
+
 async function signed_out_in_one_tab_is_signed_out_in_all({ browser }) {
   const context = await browser.context();
   const page = await browser.page(context, "#/wall", REFUSED);
@@ -108,8 +116,25 @@ async function signed_out_in_one_tab_is_signed_out_in_all({ browser }) {
   await other.getByRole("heading", { name: "Sign in" }).waitFor();
 }
 
+/** The link signs in without a warning of the browser; the demo ends with all that it started. */
+async function the_link_of_the_demo_opens_its_console({ testbed, browser }) {
+  const demo = new Demo(testbed.source, testbed.path("cases"));
+  try {
+    const page = await browser.page(await browser.context(undefined, { ignoreHTTPSErrors: false }), await demo.link());
+    await page.getByRole("heading", { name: "Class" }).waitFor();
+    await page.getByRole("button", { name: /demo/ }).waitFor();
+    await page.locator("article.card", { hasText: "demo" }).first().waitFor();
+    assert.doesNotMatch(page.url(), /#\/demo\//, "the password stays in the address");
+  } finally {
+    await demo.end();
+  }
+}
+
+for (const test of [the_first_instructor_makes_an_account_through_the_link, a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own]) test.always = true;
+
 export const tests = [
   the_first_instructor_makes_an_account_through_the_link, a_wrong_password_is_refused_and_the_right_one_leads_where_one_wanted_to,
-  a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own, signed_out_in_one_tab_is_signed_out_in_all,
+  a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own, a_sign_on_at_the_provider_leads_where_one_wanted_to, signed_out_in_one_tab_is_signed_out_in_all,
   the_navigation_has_the_names_of_what_it_leads_to, links_of_before_still_lead_to_the_right_view,
+  the_link_of_the_demo_opens_its_console,
 ];

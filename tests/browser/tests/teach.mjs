@@ -5,7 +5,7 @@ import { SIZES, still } from "../browser.mjs";
 import { sleep, until } from "../programs.mjs";
 import { pointing } from "../motion.mjs";
 import { STATIONS } from "../testbed.mjs";
-import { settled } from "./views.mjs";
+import { look } from "./views.mjs";
 
 const STATION = "sim-21"; // its case is healthy
 const TORN_STATION = "sim-22"; // tear-radial
@@ -16,7 +16,6 @@ const [PX_PER_MM, STAY_S, GAP_PX] = [4, 3, 32]; // of web/src/teach/dwell.ts; lo
 const ATTEMPT_MS = 2000;
 const TASK = "steady-camera";
 const FEEDBACK_S = 5;
-const LOOKS = [["wide", "light"], ["tablet", "dark"]];
 
 const press = (where, name) => where.getByRole("button", { name, exact: true }).click();
 
@@ -38,18 +37,6 @@ async function makeCourse(ask, { testbed }) {
   await ask("POST", `/courses/${course}/trainees`, { trainee });
   await ask("PUT", `/courses/${course}/curriculum`, { version: 0, state: "published", tasks: [{ task: TASK, week: 1, passes: 2 }, { task: "palpation", week: 2 }] });
   return { course, trainee };
-}
-
-async function look({ browser }, page, name) {
-  for (const [size, colorScheme] of LOOKS) {
-    await page.setViewportSize(SIZES[size]);
-    await page.emulateMedia({ colorScheme });
-    await settled(page);
-    await browser.picture(page, `${name}-${size}-${colorScheme}`);
-    await browser.check(page, `${name}, ${size}, ${colorScheme}`);
-    const wider = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
-    assert.ok(wider <= 0, `${name}, ${size}: ${wider} px wider than the screen`);
-  }
 }
 
 /** The wall names who asks for help, with what the scope sees there; its limits can be set for a task. */

@@ -3,6 +3,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { SIZES } from "../browser.mjs";
+import { lookInGuide } from "../guide.mjs";
 import { BIN } from "../programs.mjs";
 
 const PARTS = { admin: ["stations", "trainees", "accounts", "tokens", "audit"], library: ["cases", "tasks"] };
@@ -21,27 +22,29 @@ export const viewsOf = async (testbed) => [
 ];
 
 // Its fonts are there, it has another size or other colours, and two pictures were drawn since.
-export async function settled(page) {
+async function settled(page) {
   await page.evaluate(async () => {
     await document.fonts.ready;
     for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
   });
 }
 
-const QUICK = { wide: ["light"], tablet: ["dark"] };
+const QUICK = [["wide", "light"], ["tablet", "dark"]];
+const ALL = Object.keys(SIZES).flatMap((size) => ["light", "dark"].map((colorScheme) => [size, colorScheme]));
 
-async function pictures({ browser, quick }, page, name) {
-  for (const [size, viewport] of Object.entries(SIZES)) {
-    await page.setViewportSize(viewport);
-    for (const colorScheme of quick ? QUICK[size] : ["light", "dark"]) {
-      await page.emulateMedia({ colorScheme });
-      await settled(page);
-      await browser.picture(page, `${name}-${size}-${colorScheme}`);
-      await browser.check(page, `${name}, ${size}, ${colorScheme}`);
-      const wider = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
-      assert.ok(wider <= 0, `${name}, ${size}: ${wider} px wider than the screen`);
-    }
+/** Pictures of a page as it is, what axe-core says, and how it stands in the guide. */
+export async function look(world, page, name, looks = QUICK) {
+  const { browser } = world;
+  for (const [size, colorScheme] of looks) {
+    await page.setViewportSize(SIZES[size]);
+    await page.emulateMedia({ colorScheme });
+    await settled(page);
+    await browser.picture(page, `${name}-${size}-${colorScheme}`);
+    await browser.check(page, `${name}, ${size}, ${colorScheme}`);
+    const wider = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+    assert.ok(wider <= 0, `${name}, ${size}: ${wider} px wider than the screen`);
   }
+  await lookInGuide(world, page, name);
 }
 
 async function every_view_is_kept_as_a_picture_and_has_no_fault_that_axe_finds(world) {
@@ -49,16 +52,17 @@ async function every_view_is_kept_as_a_picture_and_has_no_fault_that_axe_finds(w
   const views = await viewsOf(testbed);
   await testbed.runStation("room-1");
   const faults = [];
+  const looks = world.quick ? QUICK : ALL;
   const signIn = await browser.page(await browser.context(), "#/sign-in");
   await signIn.getByRole("heading", { name: "Sign in" }).waitFor();
-  await pictures(world, signIn, "sign-in");
+  await look(world, signIn, "sign-in", looks);
   await signIn.close();
   const context = await browser.context(users.instructor); // one: what it has read once it need not read again
   for (const [name, hash, there] of views) {
     const page = await browser.page(context, hash);
     await page.locator(there).first().waitFor();
     if (name === "scope") for (let turn = 0; turn < 9; turn++) await page.keyboard.press(".");
-    await pictures(world, page, name).catch((error) => faults.push(error.message));
+    await look(world, page, name, looks).catch((error) => faults.push(error.message));
     await page.close();
   }
   assert.deepEqual(faults, []);

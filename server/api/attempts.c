@@ -137,7 +137,7 @@ static json_t *read_attempts(struct api_call *call, struct attempt_filter filter
 
 // ---- lists --------------------------------------------------------------------------------------
 
-enum { BY_COURSE, BY_TASK, BY_TRAINEE, BY_SESSION, SINCE, UNTIL, BY_PURPOSE, PAGE_BEFORE, PAGE_LIMIT };
+enum { BY_COURSE, BY_TASK, BY_TRAINEE, BY_SESSION, SINCE, UNTIL, BY_PURPOSE, PAGE_BEFORE, AT_MOST };
 
 // "SESSION.NUMBER", as `next` gives it. False after a refusal.
 static bool take_before(struct api_call *call, const struct call_query *query,
@@ -193,7 +193,7 @@ void get_attempts(struct api_call *call) {
                                          "purpose", "before", "limit"}};
     char before[STORE_ID_MAX];
     int limit;
-    if (!call_take_query(call, &query) || !call_take_limit(call, &query, PAGE_LIMIT, 500, 50, &limit))
+    if (!call_take_query(call, &query) || !call_take_limit(call, &query, AT_MOST, 500, 50, &limit))
         return;
     struct attempt_filter filter = {.course = call_parameter(&query, BY_COURSE),
                                     .task = call_parameter(&query, BY_TASK),

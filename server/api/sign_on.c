@@ -109,8 +109,8 @@ static void send_away(struct sign_on *s, enum result result, const struct error 
 }
 
 // The fault is on the browser's side. The try stays counted.
-static void refuse_sign_on(struct api_call *call, struct sign_on *s, const char *why, const char *subject,
-                   const char *text) {
+static void refuse_sign_on(struct api_call *call, struct sign_on *s, const char *why,
+                           const char *subject, const char *text) {
     tell(s, text);
     if (call->store || call_open_store(call))
         tries_note_wrong(call, "wrong sign-on", subject);
@@ -200,13 +200,14 @@ static enum result enter_as(struct api_call *call, const char *name) {
 
 static void come_in(struct api_call *call, struct sign_on *s, const char *name) {
     if (!call_is_name(name)) {
-        refuse_sign_on(call, s, "refused", "a name", "the provider's name is no name of an account");
+        refuse_sign_on(call, s, "refused", "a name",
+                       "the provider's name is no name of an account");
         return;
     }
     enum result result = call_open_store(call) ? enter_as(call, name) : RESULT_IO;
     if (result == RESULT_MISSING) {
         refuse_sign_on(call, s, "unknown", "no account",
-               "the provider names somebody who has no account here");
+                       "the provider names somebody who has no account here");
         return;
     }
     tries_was_right(call, &s->tries);

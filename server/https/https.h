@@ -7,7 +7,7 @@
 
 // Whose certificates the other server may have. It must be for the host of the address.
 enum https_trust {
-    HTTPS_AUTHORITY,            // of the authorities in the file alone; without a file, the system's
+    HTTPS_AUTHORITY, // of the authorities in the file alone; without a file, the system's
     HTTPS_AUTHORITY_AND_SYSTEM, // both
 };
 

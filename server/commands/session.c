@@ -19,16 +19,18 @@
 #define DAY_S 86400
 #define CERTIFICATE_WARNING_S (30 * DAY_S)
 
+#define USUAL_SOCKET "/run/arthron/server.sock"
+
 static const char session_help[] =
-    "Usage: arthron-server session --socket PATH list [--json]\n"
-    "       arthron-server session --socket PATH show STATION [--json]\n"
-    "       arthron-server session --socket PATH start|undo STATION [--json]\n"
-    "       arthron-server session --socket PATH pause|stop|reset|leave STATION [--reason TEXT]\n"
-    "       arthron-server session --socket PATH case STATION CASE [--strength S] [--json]\n"
-    "       arthron-server session --socket PATH note STATION TEXT [--json]\n"
-    "       arthron-server session --socket PATH assign STATION TRAINEE [--json]\n"
-    "       arthron-server session --socket PATH begin STATION TASK [--exam] [--left] [--json]\n"
-    "       arthron-server session --socket PATH copy STATION --from TRACE|ID [--at S] [--json]\n"
+    "Usage: arthron-server session [--socket PATH] list [--json]\n"
+    "       arthron-server session [--socket PATH] show STATION [--json]\n"
+    "       arthron-server session [--socket PATH] start|undo STATION [--json]\n"
+    "       arthron-server session [--socket PATH] pause|stop|reset|leave STATION [--reason TEXT]\n"
+    "       arthron-server session [--socket PATH] case STATION CASE [--strength S] [--json]\n"
+    "       arthron-server session [--socket PATH] note STATION TEXT [--json]\n"
+    "       arthron-server session [--socket PATH] assign STATION TRAINEE [--json]\n"
+    "       arthron-server session [--socket PATH] begin STATION TASK [--exam] [--left] [--json]\n"
+    "       arthron-server session [--socket PATH] copy STATION --from TRACE|ID [--at S] [--json]\n"
     "\n"
     "Commands a running server through its local socket. Run it as the server's user.\n"
     "\n"
@@ -48,7 +50,8 @@ static const char session_help[] =
     "  copy    ends the session and opens one that continues a recorded one: with its cuts, its\n"
     "          touch and its warp settings. The server's config must have its case\n"
     "\n"
-    "  -S, --socket PATH  the server's socket, as in its config\n"
+    "  -S, --socket PATH  the server's socket, as in its config (default: that of the package,\n"
+    "                     " USUAL_SOCKET ")\n"
     "      --from TRACE   the recorded session: its trace, or its id (32 hexadecimal digits)\n"
     "      --at S         continue it from S seconds after its start (default: from its end)\n"
     "      --strength S   the strength of the new session's warp, 0 to 1 (default: the config's)\n"
@@ -316,9 +319,6 @@ static int take_value(int option, arthron_Command *out) {
 
 static int run_session_command(const char *socket, const char *from, char **words, int count,
                                arthron_Command *command, bool json) {
-    if (!socket)
-        return argument_wrong(session_command,
-                              "--socket PATH is missing: the server's socket, as in its config");
     if (!count)
         return argument_wrong(session_command, "the command is missing: list, show, start, ...");
     const struct command_kind *kind = find_kind(words[0]);
@@ -340,7 +340,7 @@ int command_session(int argc, char **argv) {
         {"reason", required_argument, NULL, 'r'}, {"json", no_argument, NULL, 'j'},
         {"help", no_argument, NULL, 'h'},         {0},
     };
-    const char *socket = NULL, *from = NULL;
+    const char *socket = USUAL_SOCKET, *from = NULL;
     arthron_Command command = arthron_Command_init_zero;
     bool json = false;
     int code = 0;

@@ -9,7 +9,7 @@ from markdown_it import MarkdownIt
 
 SOURCE = pathlib.Path(os.environ["ARTHRON_SOURCE"]).resolve()
 # What stands before a program in a command.
-BEFORE = re.compile(r"^(\$ |sudo |runuser -u arthron -- |docker(-compose -f \S+)? exec \S+ |(build/release|run)/bin/)+")
+BEFORE = re.compile(r"^(\$ |sudo |runuser -u arthron(-station)? -- |docker(-compose -f \S+)? exec \S+ |(build/release|run)/bin/)+")
 
 
 def paths():

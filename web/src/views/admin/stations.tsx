@@ -12,7 +12,7 @@ interface Station {
   certificate_until_utc_s: number | null;
 }
 
-const KEYS = "/etc/arthron/station-keys"; // where docs/INSTALL.md has them
+const KEYS = "/var/lib/arthron-station/keys"; // where docs/INSTALL.md has them
 const SOON_S = 30 * 86400;
 
 export const Stations: Part = ({ app }) => {

@@ -232,7 +232,9 @@ static enum result exchange(struct enrol_client *e, const char *code, const char
                             const char *keys_dir, struct error *err) {
     EVP_PKEY *key = EVP_EC_gen("P-256");
     NEED(key, "memory");
-    enum result result = trust_expect(&e->trust, e->host, err);
+    enum result result = key_files_prepare(keys_dir, err); // a code serves once
+    if (result == RESULT_OK)
+        result = trust_expect(&e->trust, e->host, err);
     if (result == RESULT_OK)
         result = prepare_enrolment(e, code, station, key, err);
     if (result == RESULT_OK) {

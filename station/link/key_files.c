@@ -78,11 +78,17 @@ static enum result replace(const char *dir, const char *name, mode_t mode,
     return RESULT_OK;
 }
 
+enum result key_files_prepare(const char *dir, struct error *err) {
+    char inside[KEY_FILES_PATH_SIZE];
+    path_in(dir, ".", inside);
+    if ((mkdir(dir, 0700) && errno != EEXIST) || access(inside, W_OK | X_OK))
+        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
+    return RESULT_OK;
+}
+
 enum result key_files_write(const char *dir, EVP_PKEY *key, X509 *certificate, X509 *authority,
                             struct error *err) {
     enum result result = RESULT_OK;
-    if (mkdir(dir, 0700) && errno != EEXIST)
-        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
     if (authority)
         result = replace(dir, "authority.pem", 0644, &(struct key_content){NULL, authority}, err);
     if (result == RESULT_OK)

@@ -80,7 +80,7 @@ static void explain(struct trust *trust, X509_STORE_CTX *chain) {
     case X509_V_ERR_IP_ADDRESS_MISMATCH:
         snprintf(trust->problem, sizeof trust->problem,
                  "the server's certificate is not for %.100s. Use another name of the server, or "
-                 "add this one to its certificate",
+                 "add this one to its certificate (arthron-server keys renew)",
                  trust->host);
         break;
     default:

@@ -5,6 +5,7 @@
 #include "settings/settings.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -192,13 +193,30 @@ static void write_entry(FILE *file, const struct calibration_entry *e) {
         fprintf(file, "scale = %.9g\noffset = %.9g\n", e->scale, e->offset);
 }
 
-enum result calibration_write(const char *path, const struct calibration *c, struct error *err) {
-    char part[4096];
-    if ((size_t)snprintf(part, sizeof part, "%s.part", path) >= sizeof part)
+static enum result open_part(const char *path, char part[PATH_MAX], FILE **out, struct error *err) {
+    if (snprintf(part, PATH_MAX, "%s.part", path) >= PATH_MAX)
         return fail(err, RESULT_LIMIT, "%s: the path is too long", path);
-    FILE *file = fopen(part, "we");
-    if (!file)
-        return fail(err, RESULT_IO, "%s: %s", part, strerror(errno));
+    *out = fopen(part, "we");
+    return *out ? RESULT_OK : fail(err, RESULT_IO, "%s: %s", part, strerror(errno));
+}
+
+enum result calibration_can_write(const char *path, struct error *err) {
+    char part[PATH_MAX];
+    FILE *file;
+    enum result result = open_part(path, part, &file, err);
+    if (result != RESULT_OK)
+        return result;
+    fclose(file);
+    unlink(part);
+    return RESULT_OK;
+}
+
+enum result calibration_write(const char *path, const struct calibration *c, struct error *err) {
+    char part[PATH_MAX];
+    FILE *file;
+    enum result result = open_part(path, part, &file, err);
+    if (result != RESULT_OK)
+        return result;
     fputs("; Written by arthron-station calibrate.\n", file);
     for (int i = 0; i < c->count; i++)
         write_entry(file, &c->entries[i]);

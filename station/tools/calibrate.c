@@ -158,7 +158,9 @@ static enum result calibrate(struct station_config *config, int part,
     if (arguments->device && !setting_text(arguments->device, entry.device, sizeof entry.device))
         return fail(err, RESULT_INVALID, "%s: a device cannot have this name", arguments->device);
     json_t *report = json_object();
-    enum result result = parts[part].run(config, arguments, &entry, report, err);
+    enum result result = calibration_can_write(config->calibration_path, err);
+    if (result == RESULT_OK)
+        result = parts[part].run(config, arguments, &entry, report, err);
     if (result == RESULT_OK)
         result = keep(config, &entry, err);
     if (entry.details[0]) // measured, if perhaps not well enough

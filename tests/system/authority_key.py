@@ -66,6 +66,9 @@ class AuthorityKey(SystemTest):
         self.enrol("room-1")
         code = call("arthron-server", "keys", "enrol", self.keys, "room-2").stdout.strip()
         place, keys = f"127.0.0.1:{self.port}", self.path("keys-room-2")
+        for unfit in (self.path("nowhere/keys"), self.right):  # its code stays good
+            said = call("arthron-station", "enrol", place, code, "--name", "room-2", "--keys", unfit, code=1).stderr
+            self.assertIn(unfit, said)
         call("arthron-station", "enrol", place, code, "--name", "room-2", "--keys", keys)
         os.rename(self.right, self.right + "-away")  # who has no good code does not get the key opened
         said = call("arthron-station", "enrol", place, code, "--name", "room-2", "--keys", keys, code=3).stderr

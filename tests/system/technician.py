@@ -154,6 +154,14 @@ class Technician(SystemTest):
         self.assertIn("second axis", done.stderr)
         self.assertFalse(os.path.exists(self.path("calibration.ini")))
 
+    def test_a_file_that_cannot_be_written_is_told_before_anything_is_measured(self):
+        config = self.config("calibration = nowhere/calibration.ini\n")
+        begun = time.monotonic()
+        done = call("arthron-station", "calibrate", "tip", "--config", config, "--device", "tracker", "--channel",
+                    "probe", "--seconds", "60", code=1)
+        self.assertIn("nowhere/calibration.ini.part: No such file or directory", done.stderr)
+        self.assertLess(time.monotonic() - begun, 30)
+
     def touch_points(self, moved=None, code=0):
         text = "[landmarks]\n" + "".join(f"{n} = {x} {y} {z}\n" for n, (x, y, z) in POINTS.items())
         points = self.write("points.ini", text)

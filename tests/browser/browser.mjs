@@ -161,6 +161,14 @@ export class Browser {
   }
 }
 
+// Its fonts are there, it has another size or other colours, and two pictures were drawn since.
+export async function settled(page) {
+  await page.evaluate(async () => {
+    await document.fonts.ready;
+    for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
+  });
+}
+
 /** A recorded session is replayed to its end. That takes as long as the machine lets the server; it may not stand still. */
 export async function replayed(page) {
   const shown = () => page.locator(".transport-progress").first().evaluate((bar) => bar.value).catch(() => 0);

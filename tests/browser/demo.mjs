@@ -1,4 +1,5 @@
 // ./demo in a copy of the source, with the programs and cases that are there: it installs, builds and makes nothing.
+import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { chmodSync, cpSync, existsSync, mkdirSync, mkdtempSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -29,7 +30,6 @@ export class Demo {
     for (const stub of [join(this.folder, "bin/cmake"), join(tree, "docker/packages/install")]) writeFileSync(stub, "#!/bin/sh\n", { mode: 0o755 });
     this.process = spawn("./demo", { cwd: tree, env: { ...process.env, PATH: `${this.folder}/bin:${process.env.PATH}` }, stdio: ["ignore", "ignore", "pipe"] });
     this.process.stderr.setEncoding("utf8").on("data", (text) => (this.#said += text));
-    this.ended = new Promise((resolve) => this.process.once("exit", resolve));
   }
 
   /** The address that it prints. */
@@ -41,9 +41,11 @@ export class Demo {
     return link;
   }
 
+  /** It ends in order, and names what it recorded. */
   async end() {
     this.process.kill("SIGTERM");
-    await this.ended;
+    await until("the demo's end", () => this.process.exitCode !== null);
+    assert.match(this.#said, /recorded, and under Sessions/);
     rmSync(this.folder, { recursive: true, force: true });
   }
 }

@@ -5,6 +5,7 @@ import { existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { join, resolve } from "node:path";
 import { PNG } from "pngjs";
+import { settled } from "./browser.mjs";
 
 const FOLDER = resolve(fileURLToPath(import.meta.url), "../../../docs/pages");
 const WORDS = join(FOLDER, "words.json");
@@ -30,7 +31,7 @@ async function keep(page, name, words) {
 
 function compare(name, words) {
   const lost = (kept()[name] ?? ["a picture"]).filter((word) => !words.includes(word));
-  assert.deepEqual(lost, [], `docs/pages/${name}.png is out of date: draw it with tests/browser/run --only ${name.split("-")[0]} --keep-pictures`);
+  assert.deepEqual(lost, [], `docs/pages/${name}.png is out of date: draw it with tests/browser/run --quick --keep-pictures`);
   const { width, height } = PNG.sync.read(readFileSync(join(FOLDER, `${name}.png`)));
   assert.deepEqual({ width, height }, SIZE, `docs/pages/${name}.png`);
 }
@@ -40,6 +41,7 @@ export async function lookInGuide({ keepPictures }, page, name) {
   if (!VIEWS.includes(name)) return;
   await page.setViewportSize(SIZE);
   await page.emulateMedia({ colorScheme: "light" });
+  await settled(page);
   const words = await wordsOf(page);
   if (keepPictures) await keep(page, name, words);
   else compare(name, words);

@@ -11,7 +11,7 @@ SOCKET = "/run/arthron/server.sock"
 NEWEST = "/root/new"
 BEFORE = "/root/before"
 # Another PC would have files of the same names. The second station of this one has a config of its own.
-SECOND_ROOM = ("sed 's/room-1/room-2/; s/:5020/:5021/; s/:18944/:18945/; s,station/keys,station/room-2-keys,' "
+SECOND_ROOM = ("sed 's/room-1/room-2/; s/:5020/:5021/; s/:18944/:18945/; s,station/keys,station/room-2-keys,; s,calibration.ini,room-2-calibration.ini,' "
                "/etc/arthron/station.ini >/etc/arthron/room-2.ini")
 MOTION = ("arthron-case motion /usr/share/arthron/recipes/motions/palpation.ini "
           "--case /usr/share/arthron/cases/healthy --out /root/motion.csv")
@@ -64,7 +64,7 @@ class Machine:
         return docker("exec", self.id, "journalctl", "--no-pager", "-n", "60", check=False)
 
     def sessions(self):
-        listed = self.run(f"arthron-server session --socket {SOCKET} list --json", check=False)
+        listed = self.run(f"arthron-server session list --json", check=False)
         return {s["station"]: s for s in json.loads(listed)["sessions"]} if listed else {}
 
     def run_both(self, more=100):

@@ -48,7 +48,11 @@ const MOVED: Record<string, string> = { "admin/cases": "#/library/cases", "admin
 
 const SIGNED_IN = "signed-in";
 
-const home = (account: Account): string => (account.role === "trainee" ? "#/today" : "#/wall");
+function home(account: Account): string {
+  const to = kept.wanted || (account.role === "trainee" ? "#/today" : "#/wall");
+  kept.wanted = "";
+  return to;
+}
 
 const api = new Api();
 const feed = new Feed(browserEnvironment(stillSignedIn));
@@ -64,8 +68,7 @@ const app: App = {
     localStorage.setItem(SIGNED_IN, "1");
     app.account = account;
     setTechnician(account.role === "technician");
-    const to = PAGES[parseRoute(location.hash).name]?.open ? location.hash : kept.wanted || home(account);
-    kept.wanted = "";
+    const to = PAGES[parseRoute(location.hash).name]?.open ? location.hash : home(account);
     if (location.hash === to) void show();
     else location.hash = to;
   },

@@ -96,8 +96,9 @@ async function links_of_before_still_lead_to_the_right_view({ browser, users }) 
   }
 }
 
+/** Also where somebody was signed in before. */
 async function a_sign_on_at_the_provider_leads_where_one_wanted_to({ browser }) {
-  const page = await browser.page(await browser.context(), "#/admin/audit", REFUSED);
+  const page = await browser.page(await browser.context(), "#/admin/audit", REFUSED, () => localStorage.setItem("signed-in", "1"));
   await page.getByRole("link", { name: "Sign in with the hospital" }).click();
   await page.getByRole("cell", { name: "Signed in at the provider" }).first().waitFor();
   assert.match(page.url(), /#\/admin\/audit$/);
@@ -116,7 +117,7 @@ async function signed_out_in_one_tab_is_signed_out_in_all({ browser }) {
   await other.getByRole("heading", { name: "Sign in" }).waitFor();
 }
 
-/** The link signs in without a warning of the browser; the demo ends with all that it started. */
+/** The link signs in without a warning of the browser. */
 async function the_link_of_the_demo_opens_its_console({ testbed, browser }) {
   const demo = new Demo(testbed.source, testbed.path("cases"));
   try {
@@ -125,6 +126,7 @@ async function the_link_of_the_demo_opens_its_console({ testbed, browser }) {
     await page.getByRole("button", { name: /demo/ }).waitFor();
     await page.locator("article.card", { hasText: "demo" }).first().waitFor();
     assert.doesNotMatch(page.url(), /#\/demo\//, "the password stays in the address");
+    await page.close();
   } finally {
     await demo.end();
   }

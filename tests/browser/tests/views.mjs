@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { SIZES } from "../browser.mjs";
+import { SIZES, settled } from "../browser.mjs";
 import { lookInGuide } from "../guide.mjs";
 import { BIN } from "../programs.mjs";
 
@@ -20,14 +20,6 @@ export const viewsOf = async (testbed) => [
   ...Object.entries(PARTS).flatMap(([of, parts]) => parts.map((part) => [`${of}-${part}`, `#/${of}/${part}`, "table, .state.empty"])),
   ["nowhere", "#/nowhere", ".state"],
 ];
-
-// Its fonts are there, it has another size or other colours, and two pictures were drawn since.
-async function settled(page) {
-  await page.evaluate(async () => {
-    await document.fonts.ready;
-    for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
-  });
-}
 
 const QUICK = [["wide", "light"], ["tablet", "dark"]];
 const ALL = Object.keys(SIZES).flatMap((size) => ["light", "dark"].map((colorScheme) => [size, colorScheme]));

@@ -21,7 +21,7 @@ export const Stations: Part = ({ app }) => {
   const code = async ({ name }: Station): Promise<void> => {
     try {
       const made = await app.api.post<{ code: string; until_utc_s: number; port: number }>(`/stations/${part(name)}/code`);
-      const command = `arthron-station enrol ${location.hostname}:${made.port} ${made.code} --name ${name} --keys ${KEYS}`;
+      const command = `runuser -u arthron-station -- arthron-station enrol ${location.hostname}:${made.port} ${made.code} --name ${name} --keys ${KEYS}`;
       showSecret(t.codeTitle(name), made.code, t.codeHint(format.time(made.until_utc_s * 1000)), command);
     } catch (error) {
       toastFault(error);

@@ -232,7 +232,7 @@ static enum result exchange(struct enrol_client *e, const char *code, const char
                             const char *keys_dir, struct error *err) {
     EVP_PKEY *key = EVP_EC_gen("P-256");
     NEED(key, "memory");
-    enum result result = key_files_prepare(keys_dir, err); // a code serves once
+    enum result result = key_files_can_write(keys_dir, err); // a code serves once
     if (result == RESULT_OK)
         result = trust_expect(&e->trust, e->host, err);
     if (result == RESULT_OK)

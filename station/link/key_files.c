@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <libgen.h>
 #include <openssl/pem.h>
 #include <stdio.h>
 #include <string.h>
@@ -78,17 +79,20 @@ static enum result replace(const char *dir, const char *name, mode_t mode,
     return RESULT_OK;
 }
 
-enum result key_files_prepare(const char *dir, struct error *err) {
-    char inside[KEY_FILES_PATH_SIZE];
-    path_in(dir, ".", inside);
-    if ((mkdir(dir, 0700) && errno != EEXIST) || access(inside, W_OK | X_OK))
-        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
-    return RESULT_OK;
+// A folder that is not there is made in the one above.
+enum result key_files_can_write(const char *dir, struct error *err) {
+    char copy[KEY_FILES_PATH_SIZE], inside[KEY_FILES_PATH_SIZE];
+    snprintf(copy, sizeof copy, "%s", dir);
+    path_in(access(dir, F_OK) ? dirname(copy) : dir, ".", inside);
+    return access(inside, W_OK | X_OK) ? fail(err, RESULT_IO, "%s: %s", dir, strerror(errno))
+                                       : RESULT_OK;
 }
 
 enum result key_files_write(const char *dir, EVP_PKEY *key, X509 *certificate, X509 *authority,
                             struct error *err) {
     enum result result = RESULT_OK;
+    if (mkdir(dir, 0700) && errno != EEXIST)
+        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
     if (authority)
         result = replace(dir, "authority.pem", 0644, &(struct key_content){NULL, authority}, err);
     if (result == RESULT_OK)

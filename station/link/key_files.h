@@ -24,11 +24,11 @@ struct key_files {
 // RESULT_MISSING names a file that cannot be read.
 enum result key_files_find(const char *dir, struct key_files *out_files, struct error *err);
 
-// Makes the folder where it is not there, and looks whether this user may write into it.
-enum result key_files_prepare(const char *dir, struct error *err);
+// Whether this user may write into the folder, or make it where it is not there. Changes nothing.
+enum result key_files_can_write(const char *dir, struct error *err);
 
-// Into a folder that is prepared. A reader sees the old key and certificate or the new ones.
-// authority: NULL: it stays the same.
+// Makes the folder where it is not there. A reader sees the old key and certificate or the new
+// ones. authority: NULL: it stays the same.
 enum result key_files_write(const char *dir, EVP_PKEY *key, X509 *certificate, X509 *authority,
                             struct error *err);
 

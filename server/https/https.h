@@ -12,6 +12,7 @@ enum https_trust {
 };
 
 // authority: a PEM file; empty: none. TLS 1.2 at least. No redirect is followed, and no signal is
-// used. Once *breaks_off is true, the request ends within a second with CURLE_ABORTED_BY_CALLBACK.
-// The caller ends the handle with curl_easy_cleanup. From any thread.
+// used. breaks_off: as long as the handle lives. Once it is true, the request ends within a second
+// with CURLE_ABORTED_BY_CALLBACK. The caller ends the handle with curl_easy_cleanup. From any
+// thread.
 CURL *https_create(const char *authority, enum https_trust trust, const atomic_bool *breaks_off);

@@ -52,6 +52,7 @@ struct calibration {
 
 // RESULT_MISSING: there is no such file. Other errors name file, line, section and key.
 enum result calibration_read(const char *path, struct calibration *out, struct error *err);
+// Whether calibration_write could write there. It changes nothing.
 enum result calibration_can_write(const char *path, struct error *err);
 enum result calibration_write(const char *path, const struct calibration *calibration,
                               struct error *err);

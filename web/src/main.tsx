@@ -68,7 +68,8 @@ const app: App = {
     localStorage.setItem(SIGNED_IN, "1");
     app.account = account;
     setTechnician(account.role === "technician");
-    const to = PAGES[parseRoute(location.hash).name]?.open ? location.hash : home(account);
+    const wanted = home(account);
+    const to = PAGES[parseRoute(location.hash).name]?.open ? location.hash : wanted;
     if (location.hash === to) void show();
     else location.hash = to;
   },
